@@ -165,6 +165,8 @@ void ResourceArguments::addTo(Command& command) {
     command.addOption("--ca", certificates,
                       "PEM file of the certificate authorities for https, instead of the system's");
     command.addOption("--cache", cache, "folder where fetched files are kept, or none; else ~/.cache/rtsg/web");
+    command.addFlag("--offline", offline,
+                    "ask no server: files from addresses come from the cache, and a note names each");
     command
         .addOption("--package", packages,
                    "NAME=FOLDER: package://NAME/ urls of a robot's file name files in this folder, which may be opened "
@@ -223,6 +225,10 @@ std::shared_ptr<UrlFetcher> ResourceArguments::fetcher(const std::string& docume
     settings.certificates = certificates;
     settings.cache = cache.empty() ? userFetchCache() : std::filesystem::path(cache == "none" ? "" : cache);
     settings.inBackground = inBackground;
+    settings.offline = offline;
+    settings.fromCache = [](const std::string& address) {
+        say(fmt::format("{} is from the cache: its server was not asked", address));
+    };
     return std::make_shared<WebFetcher>(std::move(settings));
 }
 

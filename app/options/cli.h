@@ -102,6 +102,8 @@ struct ResourceArguments {
     bool trust = false;
     /// Whether files from the network are fetched without waiting: see FetchSettings.
     bool inBackground = false;
+    /// Whether such files come from the cache alone.
+    bool offline = false;
 
     void addTo(Command& command);
     /// Resources for a scene or log that the user named: files below its own folder, the working folder, --base,

@@ -76,19 +76,18 @@ std::string either(const std::vector<std::string_view>& words) {
     return text;
 }
 
-/// Only convert writes the binary encoding, other programs' meshes, and standard output.
+/// Only convert writes other programs' meshes, and standard output.
 void checkSceneName(const OutputName& output) {
     const bool isOfConvert = output.option == "OUT";
     MeshFormat mesh{};
-    if (isOfConvert &&
-        (output.file == "-" || fs::path(output.file).extension() == ".rtsgb" || meshFormatFromName(output.file, mesh)))
-        return;
+    if (fs::path(output.file).extension() == ".rtsgb") return;
+    if (isOfConvert && (output.file == "-" || meshFormatFromName(output.file, mesh))) return;
     if (checkDocumentName(output.file, extensions().dialect().get())) return;
     throw UsageError(
         output.option,
         fmt::format("{}: no kind of scene that can be written has such a name; there are: .x3d .x3dv .wrl .json, "
-                    "each also with .gz{}",
-                    output.file, isOfConvert ? "; .rtsgb; .stl .obj .ply .glb" : ""));
+                    "each also with .gz; .rtsgb{}",
+                    output.file, isOfConvert ? "; .stl .obj .ply .glb" : ""));
 }
 
 void checkName(const OutputName& output) {

@@ -296,7 +296,7 @@ void OutputArguments::addTo(Command& command, Options which) {
     if (which == Options::ofMirror)
         command.addOption("--tiles", tiles,
                           "draw tiles of its pictures for rtsg assemble --live at this address (tcp://HOST:PORT)");
-    command.addOption("--save", save, "the last state as a scene file");
+    command.addOption("--save", save, "the last state as a scene file, also .rtsgb");
     addForce(command, force);
     resources.addTo(command);
     picture.addTo(command);

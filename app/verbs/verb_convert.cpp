@@ -37,7 +37,7 @@ struct ConvertArguments {
     std::vector<std::string> filters;
     ResourceArguments resources;
     unsigned threads = 0;
-    bool force = false;
+    bool force = false, keepMeshes = false;
 };
 
 bool isBinaryName(const std::string& file) {
@@ -136,7 +136,7 @@ int convertBinary(const ConvertArguments& options, const Resources& resources) {
     return diagnostics.errors() == 0 ? kDone : kBad;
 }
 
-int convert(const ConvertArguments& options) {
+int convert(ConvertArguments options) {
     checkFilters(options);
     if (!options.encoding.empty() && options.out != "-")
         throw UsageError("--encoding", fmt::format("is of -, standard output: the name {} says its own", options.out));
@@ -144,10 +144,13 @@ int convert(const ConvertArguments& options) {
         return printError(ok.error()), kBad;
     const Resources resources = options.resources.ofFile(options.in);
     MeshFormat mesh{};
+    if (options.keepMeshes && !isRobotFile(options.in))
+        throw UsageError("--keep-meshes", options.in + " is no robot, so its meshes stay where they are");
     if (isBinaryName(options.out) || meshFormatFromName(options.out, mesh) ||
         (options.in != "-" && !isWebAddress(options.in) && isSceneFile(options.in)))
         return convertBinary(options, resources);
     Diagnostics diagnostics(options.in);
+    if (!options.keepMeshes && isRobotFile(options.in)) options.filters.insert(options.filters.begin(), "embed");
     (void)interrupted();  // from here on an interruption ends the program in order and leaves no partial file
     auto writer = DocumentFileWriter::create(options.out, diagnostics, existing(options.force), encodingOf(options),
                                              extensions().dialect());
@@ -203,6 +206,8 @@ Verb addConvert(Command& program) {
                     "for OUT -, by file extension: x3d (XML), x3dv (ClassicVRML, the default), wrl (VRML97), json")
         ->oneOf({"x3d", "x3dv", "wrl", "json"});
     command->addOption("--filter", options->filters, "NAME or NAME=ARGUMENT, applied in this order; listed below");
+    command->addFlag("--keep-meshes", options->keepMeshes,
+                     "of a robot (URDF): name the files of its meshes; else the filter embed is on");
     addClip(*command, options->clip);
     options->resources.addTo(*command);
     command->addOption("--threads", options->threads,

@@ -4,6 +4,7 @@
 #include <assimp/postprocess.h>
 #include <assimp/scene.h>
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <cstring>
 #include <nlohmann/json.hpp>
@@ -61,6 +62,49 @@ class Faults final : public Assimp::LogStream {
     std::string& to_;
 };
 
+/// Of all faces together, by their cross products. Source: Newell's formula.
+double areaOf(const aiScene& scene) {
+    double sum = 0;
+    for (unsigned m = 0; m < scene.mNumMeshes; ++m) {
+        const aiMesh& mesh = *scene.mMeshes[m];
+        for (unsigned f = 0; f < mesh.mNumFaces; ++f) {
+            const aiFace& face = mesh.mFaces[f];
+            double x = 0, y = 0, z = 0;
+            if (face.mNumIndices < 3) continue;
+            const aiVector3D& first = mesh.mVertices[face.mIndices[0]];
+            for (unsigned i = 1; i + 1 < face.mNumIndices; ++i) {
+                const aiVector3D a = mesh.mVertices[face.mIndices[i]] - first;
+                const aiVector3D b = mesh.mVertices[face.mIndices[i + 1]] - first;
+                x += static_cast<double>(a.y) * b.z - static_cast<double>(a.z) * b.y;
+                y += static_cast<double>(a.z) * b.x - static_cast<double>(a.x) * b.z;
+                z += static_cast<double>(a.x) * b.y - static_cast<double>(a.y) * b.x;
+            }
+            sum += std::sqrt(x * x + y * y + z * z) / 2;
+        }
+    }
+    return sum;
+}
+
+/// libassimp complains of each polygon that is not simple, and mostly gets it right: it is a fault if area is missing.
+std::string judged(std::string_view faults, double before, double after) {
+    constexpr double kRounding = 1e-5;
+    std::string result;
+    bool isOdd = false;
+    while (!faults.empty()) {
+        const std::string_view line = faults.substr(0, faults.find('\n'));
+        faults.remove_prefix(std::min(line.size() + 1, faults.size()));
+        const bool isOfPolygon = line.find("Failed to triangulate") != line.npos;
+        const bool isRepeated = isOdd && line.find("lines with the same contents") != line.npos;
+        isOdd = isOdd || isOfPolygon;
+        if (!isOfPolygon && !isRepeated) result.append(line).append("\n");
+    }
+    if (!isOdd) return result;
+    if (after >= before * (1 - kRounding))
+        return result + "Warning: a polygon has edges that cross or touch: its triangles are a guess\n";
+    return result + "a polygon has edges that cross or touch, and " +
+           std::to_string(100 * (1 - after / before)).substr(0, 5) + " % of the area of all faces is missing\n";
+}
+
 bool makeGlb(std::string_view bytes, const char* extension, std::string& result, std::string& faults) {
     Assimp::DefaultLogger::create("", Assimp::Logger::NORMAL, 0);
     // The logger ends with this process.
@@ -68,7 +112,15 @@ bool makeGlb(std::string_view bytes, const char* extension, std::string& result,
     Assimp::Importer importer;
     constexpr unsigned kSteps =
         aiProcess_Triangulate | aiProcess_SortByPType | aiProcess_JoinIdenticalVertices | aiProcess_LimitBoneWeights;
-    const aiScene* read = importer.ReadFileFromMemory(bytes.data(), bytes.size(), kSteps, extension);
+    const aiScene* read = importer.ReadFileFromMemory(bytes.data(), bytes.size(), 0, extension);
+    if (read) {
+        const double before = areaOf(*read);
+        const std::size_t known = faults.size();
+        read = importer.ApplyPostProcessing(kSteps);
+        const std::string more = faults.substr(known);
+        faults.resize(known);
+        if (read) faults += judged(more, before, areaOf(*read));
+    }
     if (!read) {
         result = importer.GetErrorString();
         if (result.find("bad_alloc") != result.npos) result = "what it counts takes more memory than may be had";

@@ -7,9 +7,11 @@ What is followed: Transforms and groups are empties, shapes are meshes with mate
 has the name of its node. Whoever moves such an object, or changes the property of a joint, asks the origin for it. X3D's y axis points up and
 Blender's z axis does: an empty at the top turns one to the other.
 """
+import base64
 import math
 import os
 import sys
+import urllib.parse
 import xml.sax.saxutils
 
 import bpy
@@ -269,7 +271,9 @@ class Session:
 
     def viewpoint(self, node, parent, name):
         camera = bpy.data.cameras.new(name)
-        camera.sensor_fit = "AUTO"
+        render = bpy.context.scene.render
+        wide = render.resolution_x * render.pixel_aspect_x >= render.resolution_y * render.pixel_aspect_y
+        camera.sensor_fit = "VERTICAL" if wide else "HORIZONTAL"  # X3D's angle is that of the smaller side
         if "fieldOfView" in node.field_names and isinstance(node["fieldOfView"], float):
             camera.angle = node["fieldOfView"]
         one = self.add(name, camera, parent, node)
@@ -282,6 +286,9 @@ class Session:
         light = bpy.data.lights.new(name, kinds[node.type_name])
         light.color = [float(v) for v in node["color"]]
         light.energy = float(node["intensity"]) * (4 * math.pi if node.type_name != "DirectionalLight" else 1)
+        if node.type_name == "SpotLight":
+            light.spot_size = 2 * float(node["cutOffAngle"])
+            light.spot_blend = 1 - min(float(node["beamWidth"]) / max(float(node["cutOffAngle"]), 1e-6), 1)
         one = self.add(name, light, parent, node)
         at = Matrix.Translation(Vector(node["location"])) if "location" in node.field_names else Matrix.Identity(4)
         way = Vector(node["direction"]) if "direction" in node.field_names else Vector((0, 0, -1))
@@ -347,6 +354,9 @@ class Session:
 
 # ---- exporting X3D ---------------------------------------------------------------------------------------------------
 
+_MESHES = ("MESH", "FONT", "CURVE", "SURFACE", "META")
+_STILL = 1e-5  # metres and parts of a turn between keys that are left out, and what they say
+
 
 def _numbers(values):
     return " ".join(f"{round(float(v), 6) + 0:g}" for v in values)
@@ -356,102 +366,430 @@ def _quoted(text):
     return xml.sax.saxutils.quoteattr(str(text))
 
 
+def _placed(matrix):
+    """The fields of a Transform: (translation, rotation, scale, scaleOrientation), the last of which shear needs."""
+    place, turn, scale = matrix.decompose()
+    again = Matrix.Translation(place) @ turn.to_matrix().to_4x4() @ Matrix.Diagonal((*scale, 1))
+    size = max(abs(v) for row in matrix for v in row)
+    if max(abs(a - b) for x, y in zip(again, matrix) for a, b in zip(x, y)) <= _STILL * max(size, 1):
+        return [*place], _axis_angle(turn), [*scale], [0, 0, 1, 0]
+    left, sizes, right = np.linalg.svd(np.array(matrix.to_3x3(), float))
+    turn, sign = left @ right, np.sign(np.linalg.det(left @ right))
+    tilt = right.T * np.sign(np.linalg.det(right))
+    return [*place], _axis_angle(Matrix((turn * sign).tolist()).to_quaternion()), [*(sizes * sign)], _axis_angle(Matrix(tilt.tolist()).to_quaternion())
+
+
+def _display(light):
+    """What a screen shows of light: X3D's colours of skies."""
+    return [min(max(12.92 * v if v <= .0031308 else 1.055 * v ** (1 / 2.4) - .055, 0), 1) for v in light]
+
+
+def _kept(times, values):
+    """The numbers of keys between which straight lines give all values, as far as anybody sees."""
+    kept, values = [0], np.asarray(values, float)
+    waiting = [(0, len(times) - 1)]
+    while waiting:  # Douglas and Peucker's way to fewer points
+        first, last = waiting.pop()
+        if last - first < 2:
+            kept.append(last)
+            continue
+        part = (np.asarray(times[first:last + 1]) - times[first]) / (times[last] - times[first])
+        apart = np.abs(values[first] + part[:, None] * (values[last] - values[first]) - values[first:last + 1]).max(axis=1)
+        worst = int(apart.argmax())
+        if apart[worst] <= _STILL:
+            kept.append(last)
+        else:
+            waiting += [(first + worst, last), (first, first + worst)]
+    return sorted(set(kept))
+
+
 class _X3dWriter:
     """Objects as Transforms of their names, so that `rtsg serve --reload` finds them again after an edit."""
 
-    def __init__(self, objects):
-        self.objects, self.lines, self.given = set(objects), [], set()
+    def __init__(self, objects, path):
+        self.scene, self.folder = bpy.context.scene, os.path.dirname(os.path.abspath(path))
+        self.graph = bpy.context.evaluated_depsgraph_get()
+        self.lines, self.routes, self.names, self.taken, self.shared, self.lost = [], [], {}, set(), set(), {}
+        self.chosen = {o for o in objects if self.is_seen(o)}
+        self.objects = set()  # the chosen ones, and those that they hang on
+        for one in self.chosen:
+            while one is not None and one not in self.objects:
+                self.objects.add(one)
+                one = one.parent if one.parent in set(objects) else None
+        self.instances = {}
+        for each in self.graph.object_instances:
+            # Text and curves are copies of themselves there.
+            if each.is_instance and each.parent and each.parent.original in self.chosen and each.object.original != each.parent.original:
+                self.instances.setdefault(each.parent.original, []).append((each.object.original, each.matrix_world.copy()))
+
+    def is_seen(self, one):
+        if one.hide_render or not one.visible_get():
+            self.lose("hidden objects", one.name)
+            return False
+        if one.type not in (*_MESHES, "EMPTY", "CAMERA", "LIGHT"):
+            self.lose({"ARMATURE": "bones: meshes stand as they do now"}.get(one.type, f"objects of the kind {one.type.lower()}"), one.name)
+            return one.type == "ARMATURE"
+        return True
+
+    def lose(self, what, name):
+        names = self.lost.setdefault(what, [])
+        if name not in names:
+            names.append(name)
+
+    def losses(self):
+        return [f"left out: {what} ({', '.join(sorted(names)[:5])}{', ...' if len(names) > 5 else ''})" for what, names in sorted(self.lost.items())]
+
+    def name(self, kind, given):
+        """A name that every encoding can spell, and that no other node has."""
+        if (kind, given) not in self.names:
+            plain = "".join(c if c.isalnum() or c in "_-" else "_" for c in given) or "_"
+            plain = free = "_" + plain if plain[0].isdigit() or plain[0] == "-" else plain
+            count = 1
+            while free in self.taken:
+                count += 1
+                free = f"{plain}_{count}"
+            self.taken.add(free)
+            self.names[kind, given] = free
+        return self.names[kind, given]
 
     def text(self):
+        self.taken |= {"BlenderAxes", "BlenderClock"}
+        for one in sorted(self.objects, key=lambda o: o.name):  # theirs are the names that stay
+            self.name("object", one.name)
         self.say(0, "<X3D profile='Full' version='4.0'><Scene>")
+        self.world()
         self.say(1, "<Transform DEF='BlenderAxes' rotation='1 0 0 -1.5707963'>")
-        for one in sorted(self.objects, key=lambda o: o.name):
-            if one.parent not in self.objects:
-                self.object(one, 2)
+        for one in self.ordered(o for o in self.objects if o.parent not in self.objects):
+            self.object(one, 2)
         self.say(1, "</Transform>")
+        self.motions()
         self.say(0, "</Scene></X3D>")
         return "\n".join(["<?xml version='1.0' encoding='UTF-8'?>", *self.lines, ""])
 
     def say(self, depth, line):
         self.lines.append("  " * depth + line)
 
+    def ordered(self, objects):
+        """By name; but the scene's camera comes first, as the first viewpoint is the one that is seen through."""
+        above, one = set(), self.scene.camera
+        while one is not None:
+            above.add(one)
+            one = one.parent
+        return sorted(objects, key=lambda o: (o not in above, o.name))
+
+    # ---- places
+    def local(self, one):
+        """Where constraints and parents put it: relative to the object around it in the file."""
+        here = one.evaluated_get(self.graph).matrix_world
+        if one.parent not in self.objects:
+            return here
+        around = one.parent.evaluated_get(self.graph).matrix_world
+        try:
+            return around.inverted() @ here
+        except ValueError:
+            self.lose("places below objects of size 0", one.name)
+            return Matrix.Identity(4)
+
+    @staticmethod
+    def fields(matrix):
+        place, turn, scale, tilt = _placed(matrix)
+        tilted = f" scaleOrientation='{_numbers(tilt)}'" if tilt[3] else ""
+        return f"translation='{_numbers(place)}' rotation='{_numbers(turn)}' scale='{_numbers(scale)}'{tilted}"
+
     def object(self, one, depth):
-        matrix = one.matrix_parent_inverse @ one.matrix_basis if one.parent in self.objects else one.matrix_world
-        place, turn, scale = matrix.decompose()
-        self.say(depth, f"<Transform DEF={_quoted(one.name)} translation='{_numbers(place)}' rotation='{_numbers(_axis_angle(turn))}' scale='{_numbers(scale)}'>")
-        if one.type == "MESH":
-            self.mesh(one, depth + 1)
-        elif one.type == "CAMERA":
-            self.say(depth + 1, f"<Viewpoint description={_quoted(one.name)} position='0 0 0' fieldOfView='{min(one.data.angle, 3):g}'/>")
-        elif one.type == "LIGHT":
-            self.light(one.data, depth + 1)
-        for child in sorted(one.children, key=lambda o: o.name):
-            if child in self.objects:
-                self.object(child, depth + 1)
+        self.say(depth, f"<Transform DEF={_quoted(self.name('object', one.name))} {self.fields(self.local(one))}>")
+        if one in self.chosen:
+            self.content(one, depth + 1)
+        inverse = one.evaluated_get(self.graph).matrix_world.inverted_safe()
+        for copied, matrix in self.instances.get(one, []):
+            self.say(depth + 1, f"<Transform {self.fields(inverse @ matrix)}>")
+            self.content(copied, depth + 2, True)
+            self.say(depth + 1, "</Transform>")
+        for child in self.ordered(o for o in one.children if o in self.objects):
+            self.object(child, depth + 1)
         self.say(depth, "</Transform>")
 
-    def light(self, light, depth):
-        color = f"color='{_numbers(light.color)}' global='true'"
+    def content(self, one, depth, is_copy=False):
+        if one.type in _MESHES:
+            self.mesh(one, depth)
+        elif one.type == "CAMERA" and not is_copy:
+            self.camera(one, depth)
+        elif one.type == "LIGHT":
+            self.light(one, depth)
+
+    def camera(self, one, depth):
+        data = one.data
+        corners = [Vector(v) for v in data.view_frame(scene=self.scene)]
+        low, high = [min(c[i] for c in corners) for i in (0, 1)], [max(c[i] for c in corners) for i in (0, 1)]
+        said = f"description={_quoted(one.name)} position='0 0 0' nearDistance='{data.clip_start:g}' farDistance='{data.clip_end:g}'"
+        if data.type == "ORTHO":
+            return self.say(depth, f"<OrthoViewpoint {said} fieldOfView='{_numbers([*low, *high])}'/>")
+        if data.type != "PERSP":
+            self.lose("panoramas: their cameras are plain ones", one.name)
+        if data.shift_x or data.shift_y:
+            self.lose("shifts of cameras", one.name)
+        if data.dof.use_dof:
+            self.lose("depth of field", one.name)
+        side = min(high[0] - low[0], high[1] - low[1])  # X3D's angle is that of the smaller side
+        self.say(depth, f"<Viewpoint {said} fieldOfView='{min(2 * math.atan2(side / 2, abs(corners[0].z)), 3):g}'/>")
+
+    def light(self, one, depth):
+        light = one.data
+        color = f"color='{_numbers(min(v, 1) for v in light.color)}' global='true'"
+        far = "location='0 0 0' attenuation='0 0 1' radius='1000000'"
+        if light.use_nodes and light.node_tree and any(n.type not in ("EMISSION", "OUTPUT_LIGHT") for n in light.node_tree.nodes):
+            self.lose("nodes of lights", one.name)
         if light.type == "SUN":
             self.say(depth, f"<DirectionalLight direction='0 0 -1' intensity='{light.energy:g}' {color}/>")
+        elif light.type == "SPOT":
+            cut = min(light.spot_size / 2, math.pi / 2)
+            self.say(depth, f"<SpotLight direction='0 0 -1' cutOffAngle='{cut:g}' beamWidth='{cut * (1 - light.spot_blend):g}' {far} "
+                            f"intensity='{light.energy / (4 * math.pi):g}' {color}/>")
+        elif light.type == "AREA":
+            self.lose("sizes of area lights: they shine from their middle", one.name)
+            self.say(depth, f"<SpotLight direction='0 0 -1' cutOffAngle='1.5707' beamWidth='0.01' {far} intensity='{light.energy / math.pi:g}' {color}/>")
         else:
-            self.say(depth, f"<PointLight location='0 0 0' attenuation='0 0 1' radius='1000000' intensity='{light.energy / (4 * math.pi):g}' {color}/>")
+            self.say(depth, f"<PointLight {far} intensity='{light.energy / (4 * math.pi):g}' {color}/>")
 
+    def world(self):
+        world = self.scene.world
+        if world is None:
+            return
+        light = [*world.color]
+        sky = next((n for n in world.node_tree.nodes if n.type == "BACKGROUND"), None) if world.use_nodes and world.node_tree else None
+        if sky:
+            light = [v * sky.inputs["Strength"].default_value for v in sky.inputs["Color"].default_value[:3]]
+            if sky.inputs["Color"].links:
+                return self.lose("pictures and nodes of the world", world.name)
+        self.say(1, f"<Background skyColor='{_numbers(_display(light))}'/>")
+        if any(light):
+            self.lose("light of the world", world.name)
+
+    # ---- meshes
     def mesh(self, one, depth):
-        evaluated = one.evaluated_get(bpy.context.evaluated_depsgraph_get())
-        mesh = evaluated.to_mesh()
-        uv = mesh.uv_layers.active
+        """Objects that have one mesh share it, unless something changes it for each."""
+        own = one.modifiers or any(slot.link == "OBJECT" for slot in one.material_slots)
+        key = ("mesh", one.name + " mesh") if own else ("mesh", one.data.name)
+        if key in self.shared:
+            return self.say(depth, f"<Group USE={_quoted(self.name(*key))}/>")
+        evaluated = one.evaluated_get(self.graph)
+        try:
+            mesh = evaluated.to_mesh()
+        except RuntimeError:  # a metaball that another one has taken in
+            return
+        if mesh is None or not len(mesh.polygons):
+            evaluated.to_mesh_clear()
+            return self.lose("objects without faces", one.name)
+        self.shared.add(key)
+        self.say(depth, f"<Group DEF={_quoted(self.name(*key))}>")
+        self.shapes(one, key, mesh, [slot.material for slot in evaluated.material_slots], depth + 1)
+        self.say(depth, "</Group>")
+        edges = np.empty(len(mesh.loops), np.int32)
+        mesh.loops.foreach_get("edge_index", edges)
+        if len(np.unique(edges)) < len(mesh.edges):
+            self.lose("edges without faces", one.name)
+        evaluated.to_mesh_clear()
+
+    def shapes(self, one, key, mesh, materials, depth):
         points = _numbers(v for vertex in mesh.vertices for v in vertex.co)
-        for slot in range(max(1, len(mesh.materials))):
-            faces = [p for p in mesh.polygons if min(p.material_index, max(0, len(mesh.materials) - 1)) == slot]
+        coordinate = self.name("points", f"{key[1]} points") if len(materials) > 1 else ""
+        is_smooth = any(p.use_smooth for p in mesh.polygons)
+        if is_smooth and hasattr(mesh, "calc_normals_split"):  # Blender below 4.1
+            mesh.calc_normals_split()
+        is_first = True
+        for slot in range(max(1, len(materials))):
+            faces = [p for p in mesh.polygons if min(p.material_index, max(0, len(materials) - 1)) == slot]
             if not faces:
                 continue
-            index = " ".join(f"{' '.join(map(str, p.vertices))} -1" for p in faces)
-            crease = "3.1416" if any(p.use_smooth for p in faces) else "0"
-            corners, texture = [], ""
-            if uv:  # a corner of each polygon has a place of its own in the picture
-                counts = iter(range(sum(len(p.vertices) for p in faces)))
-                texture = " texCoordIndex='" + " ".join(" ".join(str(next(counts)) for _ in p.vertices) + " -1" for p in faces) + "'"
-                corners = [v for p in faces for i in p.loop_indices for v in uv.data[i].uv]
+            material = materials[slot] if materials else None
+            parts = []
+            fields = f"coordIndex='{' '.join(' '.join(map(str, p.vertices)) + ' -1' for p in faces)}'"
+            if is_smooth:
+                corner = mesh.corner_normals if hasattr(mesh, "corner_normals") else None
+                fields += self.listed("normal", "Normal vector", faces, lambda i: (round(v, 4) for v in (corner[i].vector if corner else mesh.loops[i].normal)), parts)
+            if mesh.uv_layers.active:
+                layer = mesh.uv_layers.active.data
+                fields += self.listed("texCoord", "TextureCoordinate point", faces, lambda i: layer[i].uv, parts)
+            colors = self.colors(one, mesh, material)
+            if colors:
+                fields += self.listed("color", "ColorRGBA color", faces, lambda i: colors.data[mesh.loops[i].vertex_index if colors.domain == "POINT" else i].color, parts)
             self.say(depth, "<Shape>")
-            self.material(mesh.materials[slot] if slot < len(mesh.materials) else None, depth + 1)
-            self.say(depth + 1, f"<IndexedFaceSet solid='false' creaseAngle='{crease}' coordIndex='{index}'{texture}>")
-            self.say(depth + 2, f"<Coordinate point='{points}'/>")
-            if uv:
-                self.say(depth + 2, f"<TextureCoordinate point='{_numbers(corners)}'/>")
+            self.material(material, depth + 1)
+            self.say(depth + 1, f"<IndexedFaceSet solid='{'true' if material and material.use_backface_culling else 'false'}' {fields}>")
+            self.say(depth + 2, f"<Coordinate{f' DEF={_quoted(coordinate)}' if coordinate else ''} point='{points}'/>" if is_first else f"<Coordinate USE={_quoted(coordinate)}/>")
+            for part in parts:
+                self.say(depth + 2, part)
             self.say(depth + 1, "</IndexedFaceSet>")
             self.say(depth, "</Shape>")
-        evaluated.to_mesh_clear()
+            is_first = False
+
+    @staticmethod
+    def listed(field, node, faces, value, parts):
+        """The index of corners' values, each of which is in the list once; the list is added to the parts."""
+        known, index = {}, []
+        for face in faces:
+            index += [str(known.setdefault(_numbers(value(i)), len(known))) for i in face.loop_indices] + ["-1"]
+        name, its = node.split()
+        parts.append(f"<{name} {its}='{' '.join(known)}'/>")
+        return f" {field}Index='{' '.join(index)}'"
+
+    def colors(self, one, mesh, material):
+        """Colours of points, where a material shows them: in X3D they take the place of the material's."""
+        attributes = getattr(mesh, "color_attributes", [])
+        shader = self.shader(material)
+        linked = shader.inputs["Base Color"].links[0].from_node if shader and shader.inputs["Base Color"].links else None
+        wanted = linked and {"VERTEX_COLOR": "layer_name", "ATTRIBUTE": "attribute_name"}.get(linked.type)
+        if wanted and len(attributes):
+            return attributes.get(getattr(linked, wanted)) or attributes.active_color
+        if len(attributes):
+            self.lose("colours of points that no material shows", one.name)
+        return None
+
+    # ---- materials
+    @staticmethod
+    def shader(material):
+        if material is None or not material.use_nodes or not material.node_tree:
+            return None
+        return next((n for n in material.node_tree.nodes if n.type == "BSDF_PRINCIPLED"), None)
 
     def material(self, material, depth):
         if material is None:
             return self.say(depth, "<Appearance><Material/></Appearance>")
-        name = f"{material.name}_look"
-        if name in self.given:
+        name = self.name("look", f"{material.name}_look")
+        if ("look", material.name) in self.shared:
             return self.say(depth, f"<Appearance USE={_quoted(name)}/>")
-        self.given.add(name)
-        shader = material.node_tree.nodes.get("Principled BSDF") if material.use_nodes and material.node_tree else None
+        self.shared.add(("look", material.name))
+        shader = self.shader(material)
         rgb, metallic, roughness, alpha = material.diffuse_color[:3], material.metallic, material.roughness, material.diffuse_color[3]
-        picture = ""
+        glow, pictures = [0, 0, 0], ""
         if shader:
-            base = shader.inputs["Base Color"]
-            rgb, metallic, roughness = base.default_value[:3], shader.inputs["Metallic"].default_value, shader.inputs["Roughness"].default_value
-            alpha = shader.inputs["Alpha"].default_value
-            linked = base.links[0].from_node if base.links else None
-            if linked and linked.type == "TEX_IMAGE" and linked.image:
-                picture = f"<ImageTexture containerField='baseTexture' url='\"{bpy.path.abspath(linked.image.filepath)}\"'/>"
-                rgb = (1, 1, 1)
+            value = {socket.name: socket.default_value for socket in shader.inputs if hasattr(socket, "default_value")}
+            rgb, metallic, roughness, alpha = value["Base Color"][:3], value["Metallic"], value["Roughness"], value["Alpha"]
+            strength = value.get("Emission Strength", 0)
+            glow = [v * strength for v in (value.get("Emission Color") or value.get("Emission") or (0, 0, 0))[:3]]
+            pictures, known = self.pictures(shader, material)
+            rgb = (1, 1, 1) if "Base Color" in known else rgb
+            if value.get("Transmission", value.get("Transmission Weight", 0)) > 0:
+                self.lose("glass: it is as opaque as its alpha", material.name)
+        elif material.use_nodes:
+            self.lose("shaders other than the Principled one: they have the colour of the viewport", material.name)
+        if max(glow) > 1:
+            self.lose("emission beyond 1", material.name)
+            glow = [v / max(glow) for v in glow]
         fields = f"baseColor='{_numbers(rgb)}' metallic='{metallic:g}' roughness='{roughness:g}' transparency='{1 - alpha:g}'"
-        self.say(depth, f"<Appearance DEF={_quoted(name)}><PhysicalMaterial {fields}>{picture}</PhysicalMaterial></Appearance>")
+        fields += f" emissiveColor='{_numbers(glow)}'" if any(glow) else ""
+        self.say(depth, f"<Appearance DEF={_quoted(name)}><PhysicalMaterial {fields}>{pictures}</PhysicalMaterial></Appearance>")
+
+    def pictures(self, shader, material):
+        """(the nodes of textures, the inputs that they stand for); what else is linked is named."""
+        text, known = "", set()
+        fields = {"Base Color": "baseTexture", "Normal": "normalTexture", "Emission": "emissiveTexture", "Emission Color": "emissiveTexture"}
+        for socket in shader.inputs:
+            if not socket.links:
+                continue
+            linked = socket.links[0].from_node
+            if socket.name == "Normal" and linked.type == "NORMAL_MAP" and linked.inputs["Color"].links:
+                linked = linked.inputs["Color"].links[0].from_node
+            if linked.type in ("VERTEX_COLOR", "ATTRIBUTE") and socket.name == "Base Color":
+                continue
+            if linked.type == "TEX_IMAGE" and linked.image and socket.name in fields:
+                text += f"<ImageTexture containerField='{fields[socket.name]}' url={_quoted(chr(34) + self.url(linked.image) + chr(34))}/>"
+                known.add(socket.name)
+            elif not (linked.type == "TEX_IMAGE" and socket.name == "Alpha" and "Base Color" in known):  # the picture has its alpha
+                self.lose(f"nodes that lead to {socket.name}", material.name)
+        return text, known
+
+    def url(self, image):
+        if image.packed_file:
+            kind = "jpeg" if image.packed_file.data[:2] == b"\xff\xd8" else "png"
+            return f"data:image/{kind};base64,{base64.b64encode(image.packed_file.data).decode()}"
+        file = bpy.path.abspath(image.filepath)
+        try:
+            file = os.path.relpath(file, self.folder)
+        except ValueError:  # on another drive
+            pass
+        return urllib.parse.quote(file.replace(os.sep, "/"), safe="/:")
+
+    # ---- what keyframes, constraints and drivers move
+    def motions(self):
+        movers = [o for o in self.objects if self.may_move(o)]
+        start, end = self.scene.frame_start, self.scene.frame_end
+        for one in self.objects:
+            self.other_keyframes(one)
+        if not movers or end <= start:
+            return
+        frames, poses, now = list(range(start, end + 1)), {one: [] for one in movers}, self.scene.frame_current
+        for frame in frames:
+            self.scene.frame_set(frame)
+            for one in movers:
+                poses[one].append(_placed(self.local(one)))
+        self.scene.frame_set(now)
+        rate = self.scene.render.fps / self.scene.render.fps_base
+        moving = [one for one in sorted(movers, key=lambda o: o.name) if self.motion(one, frames, poses[one])]
+        if not moving:
+            return
+        self.say(1, f"<TimeSensor DEF='BlenderClock' cycleInterval='{(end - start) / rate:g}' loop='true'/>")
+        for line in self.routes:
+            self.say(1, line)
+
+    @staticmethod
+    def may_move(one):
+        while one is not None:
+            animation = one.animation_data
+            if (animation and (animation.action or animation.nla_tracks or animation.drivers)) or one.constraints or one.rigid_body:
+                return True
+            one = one.parent
+        return False
+
+    def motion(self, one, frames, poses):
+        """Writes the interpolators of what changes; False: nothing does."""
+        times = [(frame - frames[0]) / (frames[-1] - frames[0]) for frame in frames]
+        if any(pose[3] != poses[0][3] for pose in poses):
+            self.lose("shear that changes", one.name)
+        moves = False
+        for part, field, node in ((0, "translation", "PositionInterpolator"), (1, "rotation", "OrientationInterpolator"), (2, "scale", "PositionInterpolator")):
+            values = [pose[part] for pose in poses]
+            compared = [[*Quaternion(v[:3], v[3])] for v in values] if part == 1 else values
+            for i in range(1, len(compared) if part == 1 else 0):  # q and -q are one rotation
+                if sum(a * b for a, b in zip(compared[i - 1], compared[i])) < 0:
+                    compared[i] = [-v for v in compared[i]]
+            if np.abs(np.asarray(compared) - compared[0]).max() <= _STILL:
+                continue
+            moves, name, own = True, self.name("object", one.name), self.name(field, f"{one.name}_{field}")
+            keys = _kept(times, compared)
+            self.say(1, f"<{node} DEF={_quoted(own)} key='{_numbers(times[k] for k in keys)}' keyValue='{_numbers(v for k in keys for v in values[k])}'/>")
+            self.routes += [f"<ROUTE fromNode='BlenderClock' fromField='fraction_changed' toNode={_quoted(own)} toField='set_fraction'/>",
+                            f"<ROUTE fromNode={_quoted(own)} fromField='value_changed' toNode={_quoted(name)} toField='set_{field}'/>"]
+        return moves
+
+    def other_keyframes(self, one):
+        def moves(owner):
+            animation = getattr(owner, "animation_data", None)
+            return animation and (animation.action or animation.nla_tracks or animation.drivers)
+
+        if moves(one.data):
+            self.lose("keyframes of cameras, lights and meshes", one.name)
+        if moves(getattr(one.data, "shape_keys", None)):
+            self.lose("keyframes of shape keys", one.name)
+        if one.type in _MESHES and any(m.type not in ("ARMATURE", "COLLISION") and moves(one) for m in one.modifiers):
+            self.lose("modifiers that change with time", one.name)
+        if one.particle_systems if hasattr(one, "particle_systems") else False:
+            self.lose("particles that move", one.name)
+        for slot in one.material_slots:
+            if slot.material and (moves(slot.material) or moves(slot.material.node_tree)):
+                self.lose("keyframes of materials", slot.material.name)
 
 
 def export_x3d(path, objects=None):
-    """Writes objects, or all of the scene, as X3D."""
-    chosen = bpy.context.scene.objects if objects is None else objects
-    text = _X3dWriter([o for o in chosen if o.type in ("MESH", "EMPTY", "CAMERA", "LIGHT")]).text()
+    """Writes objects, or all of the scene, as X3D. Returns a sentence for each kind of thing that is left out, and prints them."""
+    writer = _X3dWriter(list(bpy.context.scene.objects if objects is None else objects), path)
+    text = writer.text()
     with open(path + ".part", "w", encoding="utf-8") as file:
         file.write(text)
     os.replace(path + ".part", path)  # whoever follows the file sees no half of it
+    for line in writer.losses():
+        print(f"{path}: {line}")
+    return writer.losses()
 
 
 # ---- what Blender shows ----------------------------------------------------------------------------------------------
@@ -521,7 +859,8 @@ class RtsgExport(bpy.types.Operator, ExportHelper):
     selected: BoolProperty(name="Selected objects alone", default=False)
 
     def execute(self, context):
-        export_x3d(self.filepath, context.selected_objects if self.selected else None)
+        for line in export_x3d(self.filepath, context.selected_objects if self.selected else None):
+            self.report({"WARNING"}, line)
         return {"FINISHED"}
 
 

@@ -89,8 +89,97 @@ def inside(program, folder, endpoint, feed):
         assert checked.returncode == 0, checked.stdout + checked.stderr
     written = pathlib.Path(text).read_text(encoding="utf-8")
     assert "<Transform DEF='palm'" in written.replace('"', "'") and "PhysicalMaterial" in written
+    exports(addon, folder, program)
     addon.unregister()
     print("all of it works")
+
+
+def exports(addon, folder, program):
+    """Within Blender: what the exporter makes of a scene, and what it says it leaves out."""
+    import bpy
+    import xml.etree.ElementTree as xml
+
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene = bpy.context.scene
+    scene.render.resolution_x, scene.render.resolution_y, scene.frame_start, scene.frame_end = 320, 180, 1, 25
+
+    def put(name, data, location=(0, 0, 0), parent=None):
+        one = bpy.data.objects.new(name, data)
+        one.location, one.parent = location, parent
+        scene.collection.objects.link(one)
+        return one
+
+    def mesh(name, smooth=()):
+        made = bpy.data.meshes.new(name)
+        made.from_pydata([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1)], [], [(0, 1, 2, 3), (0, 4, 5, 1)])
+        for number in smooth:
+            made.polygons[number].use_smooth = True
+        return made
+
+    flat, bent = mesh("flat"), mesh("bent", (0,))
+    paint = bpy.data.materials.new("Red paint")
+    paint.use_nodes = True
+    flat.materials.append(paint)
+    mover, _, hidden = put("My Mover.001", flat), put("Twin", flat, (3, 0, 0)), put("Hidden", flat)
+    put("Bent", bent, (6, 0, 0))
+    hidden.hide_render = True
+    pivot = put('Pivot <&> "q"', None, (0, 0, -2))
+    child = put("Child", mesh("own"), parent=pivot)
+    limit = child.constraints.new("LIMIT_LOCATION")
+    limit.use_min_x, limit.min_x = True, 1.5
+    for frame, height in ((1, 0), (13, 2), (25, 0)):
+        mover.location.z = height
+        mover.keyframe_insert("location", frame=frame)
+    for curve in mover.animation_data.action.fcurves:
+        for key in curve.keyframe_points:
+            key.interpolation = "LINEAR"
+    words = bpy.data.curves.new("Word", "FONT")
+    words.body = "Hi"
+    put("Word", words, (0, 0, 4))
+    library = bpy.data.collections.new("Library")
+    library.objects.link(bpy.data.objects.new("part", mesh("part")))
+    for number in range(2):
+        one = put(f"Copy {number}", None, (number, 9, 0))
+        one.instance_type, one.instance_collection = "COLLECTION", library
+    camera = bpy.data.cameras.new("Camera")
+    scene.camera = put("Z camera", camera, (0, -10, 0))
+    put("A camera", bpy.data.cameras.new("A"))
+    spot = bpy.data.lights.new("Spot", "SPOT")
+    spot.spot_size, spot.spot_blend = .6, .25
+    put("Spot", spot)
+    put("Bones", bpy.data.armatures.new("Bones"))
+    scene.frame_set(1)
+    bpy.context.view_layer.update()
+
+    path = os.path.join(folder, "whole.x3d")
+    losses = addon.export_x3d(path)
+    assert losses == ["left out: bones: meshes stand as they do now (Bones)", "left out: hidden objects (Hidden)"], losses
+    checked = subprocess.run([program, "validate", path], capture_output=True, text=True, timeout=PATIENCE)
+    assert checked.returncode == 0 and checked.stdout + checked.stderr == "", checked.stdout + checked.stderr
+    document = xml.parse(path).getroot()
+    named = {node.get("DEF"): node for node in document.iter() if node.get("DEF")}
+
+    def numbers(node, field):
+        return [float(v) for v in node.get(field).replace(",", " ").split()]
+
+    assert {"My_Mover_001", "Twin", "Pivot______q_", "Child", "Word", "Copy_0", "Copy_1"} <= set(named) and "Hidden" not in named, sorted(named)
+    view = next(document.iter("Viewpoint"))
+    assert view.get("description") == "Z camera", "the scene's camera is the first"
+    # Half of 180 of 320 pixels, seen through a sensor whose width has the camera's angle.
+    assert abs(float(view.get("fieldOfView")) - 2 * math.atan(math.tan(camera.angle / 2) * 180 / 320)) < 1e-5
+    assert named["Twin"].find("Group").get("USE") == named["My_Mover_001"].find("Group").get("DEF"), "a mesh of two objects is there once"
+    assert len(named["Copy_0"].findall(".//IndexedFaceSet")) + len(named["Copy_1"].findall(".//IndexedFaceSet")) == 1
+    assert numbers(named["Child"], "translation") == [1.5, 0, 0], "where its constraint has it"
+    assert named["Word"].findall(".//IndexedFaceSet") != []
+    light = next(document.iter("SpotLight"))
+    assert abs(float(light.get("cutOffAngle")) - .3) < 1e-6 and abs(float(light.get("beamWidth")) - .225) < 1e-6
+    normals = named["Bent"].find(".//Normal")
+    assert normals is not None and named["My_Mover_001"].find(".//Normal") is None
+    flat_face = [numbers(normals, "vector")[3 * int(i):3 * int(i) + 3] for i in named["Bent"].find(".//IndexedFaceSet").get("normalIndex").split()[5:9]]
+    assert all(abs(abs(normal[1]) - 1) < 1e-3 for normal in flat_face), flat_face
+    clock, moves = next(document.iter("TimeSensor")), named["My_Mover_001_translation"]
+    assert float(clock.get("cycleInterval")) == 1 and numbers(moves, "key") == [0, .5, 1], moves.attrib
+    assert numbers(moves, "keyValue") == [0, 0, 0, 0, 0, 2, 0, 0, 0]
 
 
 def main():

@@ -12,6 +12,7 @@
 
 #include "commands/document_head.h"
 #include "document_match.h"
+#include "proto.h"
 
 namespace rtsg {
 
@@ -138,6 +139,11 @@ class EditedDocument::State::Edits {
             if (b && isThere(liveOf(a.id()))) visit(before_.node(b), a);
         });
     }
+    /// Whether the scene's document declares this one of the prototypes of its name.
+    bool isSaved(TypeIndex type) const {
+        const std::vector<const NodeType*> all = declaredTypes(scene_);
+        return std::ranges::find(all, &scene_.type(type)) != all.end();
+    }
     bool isThere(NodeId live) const { return live && scene_.find(live); }
     NodeId liveOf(NodeId after) const { return live_[after.value]; }
     /// The scene's node for one of the document before; none: it is gone.
@@ -185,6 +191,8 @@ class EditedDocument::State::Edits {
 };
 
 void EditedDocument::State::Edits::defineTypes() {
+    std::vector<bool> isUsed(types_.size());
+    after_.forEachNode([&](const Node& a) { isUsed[a.typeIndex().value] = true; });
     for (std::size_t i = 0; i < types_.size(); ++i) {
         types_[i] = TypeIndex{static_cast<std::uint16_t>(i)};
         if (i < builtinTypes().size()) continue;
@@ -193,7 +201,8 @@ void EditedDocument::State::Edits::defineTypes() {
         for (std::size_t k = builtinTypes().size(); k < scene_.typeCount() && types_[i] == TypeIndex(); ++k)
             if (isSameType(scene_.type(TypeIndex{static_cast<std::uint16_t>(k)}), wanted))
                 types_[i] = TypeIndex{static_cast<std::uint16_t>(k)};
-        if (types_[i] != TypeIndex()) continue;
+        // A prototype without instances is saved if it is the last of its name: one that comes back is the last again.
+        if (types_[i] != TypeIndex() && (isUsed[i] || wanted.declaration.empty() || isSaved(types_[i]))) continue;
         const std::string name(nameInDocument(wanted));
         std::string free = name;
         const bool hasOwnName = wanted.kind != NodeType::Kind::script;  // Scripts are all called Script

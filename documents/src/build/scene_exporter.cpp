@@ -8,6 +8,7 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/resource.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/documents/command_list.h>
 #include <rtsg/documents/filter.h>
@@ -23,6 +24,12 @@ namespace {
 
 bool isInstance(const NodeType& type) {
     return type.kind == NodeType::Kind::proto || type.kind == NodeType::Kind::externProto;
+}
+
+/// Whether the url names a file by its way from the document: neither an address nor a script nor a part of it.
+bool isRelative(std::string_view url) {
+    if (url.empty() || url.starts_with('/') || url.starts_with('#')) return false;
+    return std::min(url.find(':'), url.size()) >= std::min(url.find_first_of("/?#"), url.size());
 }
 
 /// Finds out which interface fields have nodes as their default.
@@ -78,15 +85,19 @@ struct SceneExporter::State {
     std::vector<NodeId> hidden;                             // nodes of expanded bodies that are not shown
     std::vector<Route> routes;                              // between nodes of the document
     DeclarationScan declarations;
-    std::vector<const NodeType*> declared;  // the document's own prototypes
-    NodeId single{};                        // only this node, with its descendants, is written
-    NodeId home{};                          // the scope that counts as the document
+    std::vector<const NodeType*> declared;               // the document's own prototypes
+    std::unordered_map<std::string, NodeId> geometries;  // InlineGeometry by its file and hints
+    NodeId single{};                                     // only this node, with its descendants, is written
+    NodeId home{};                                       // the scope that counts as the document
 
     /// Whether a node is replaced by its content.
     bool isExpanded(const Node& node) const {
         if (isInstance(node.type())) return options.expandPrototypes && !content(node).empty();
+        if (node.is(x3d::InlineGeometry::type)) return options.expandGeometries && !content(node).empty();
         return options.expandInlines && isInline(node) && !content(node).empty();
     }
+    /// Whether a node stands for the first of its content, rather than for a Group of all.
+    static bool isStandIn(const Node& node) { return isInstance(node.type()) || node.is(x3d::InlineGeometry::type); }
     static bool isInline(const Node& node) {
         return node.type().kind == NodeType::Kind::builtin && node.type().name == "Inline";
     }
@@ -133,12 +144,22 @@ struct SceneExporter::State {
         return !def.hidden && def.access != Access::inputOnly && def.access != Access::outputOnly;
     }
 
+    /// The first InlineGeometry that loads the same file in the same way; any other node itself.
+    const Node& shared(const Node& node) {
+        using N = x3d::InlineGeometry;
+        if (!node.is(N::type)) return node;
+        const auto key = fmt::format("{} {} {} {}", node.scope().value, node.get(N::solid), node.get(N::smooth),
+                                     node.get(N::loadedUrl).str());
+        return scene.node(geometries.try_emplace(key, node.id()).first->second);
+    }
+
     void start();
     void walk(DocumentHandler* handler);
     void walkFrom(NodeId root, std::string_view field, DocumentHandler* handler,
                   std::unordered_set<std::uint32_t>& begun);
     void fieldStart(const Node& node, FieldIndex field, DocumentHandler& handler) const;
     bool canBeSaid(const Node& node, FieldIndex field, const Value& value) const;
+    void moveUrls(const Node& node, FieldIndex field, Value& value) const;
     void findRoutes();
     void nameNodes();
     void nameApart();
@@ -178,6 +199,27 @@ bool SceneExporter::State::canBeSaid(const Node& node, FieldIndex field, const V
     return false;
 }
 
+/// Urls of an Inline's document start from its own folder; once its nodes stand in this one, from its place.
+void SceneExporter::State::moveUrls(const Node& node, FieldIndex field, Value& value) const {
+    if (!value.holds<Array<String>>() || !node.type().isA("X3DUrlObject")) return;
+    for (const Route& giver : scene.routesTo(node.id()))
+        if (giver.isConnection && giver.toField == field) return;  // it starts from where the PROTO has its instance
+    std::vector<String> moved;
+    for (const String& url : value.as<Array<String>>()) {
+        std::string text = url.str();
+        for (NodeId scope = node.scope(); scope && scope != home && isRelative(text);) {
+            const Node& around = scene.node(scope);
+            if (const FieldIndex loaded = hiddenField(around.type(), "loadedUrl"); loaded != kNoField)
+                text = joinUrls(around.get(Field<String>{loaded}).str(), text) +
+                       text.substr(std::min(text.find('#'), text.size()));
+            scope = around.scope();
+        }
+        if (options.packageUrl && text.starts_with("package:")) text = options.packageUrl(text);
+        moved.emplace_back(text);
+    }
+    value = Value(Array<String>(std::span<const String>(moved)));
+}
+
 /// The value of one field, or the declaration that its nodes follow.
 void SceneExporter::State::fieldStart(const Node& node, FieldIndex field, DocumentHandler& handler) const {
     const NodeType& type = node.type();
@@ -196,8 +238,10 @@ void SceneExporter::State::fieldStart(const Node& node, FieldIndex field, Docume
         handler.setField(def.name, Value(Array<bool>::ofSize(node.get(x3d::CADLayer::children).size())), {});
     } else if (!holdsNodes) {
         if (node.isDefault(field)) return;
-        if (Value value = node.value(field); canBeSaid(node, field, value))
+        if (Value value = node.value(field); canBeSaid(node, field, value)) {
+            if (def.name == "url" && node.scope() != home) moveUrls(node, field, value);
             handler.setField(def.name, std::move(value), {});
+        }
     } else if (node.isDefault(field) && isInstance(type) &&
                declarations.nodeDefaults.contains(fmt::format("{}.{}", declaredName(type), def.name))) {
         handler.setField(def.name, node.value(field), {});  // overrides the default nodes by none
@@ -212,6 +256,7 @@ void SceneExporter::State::start() {
     order.clear();
     routes.clear();
     expanded.clear();
+    geometries.clear();
     declarations = {};
     declared = declaredTypes(scene);
 }
@@ -243,8 +288,8 @@ void SceneExporter::State::walkFrom(NodeId rootNode, std::string_view rootField,
                                                     node->type().name, scene.name(id)));
             return;
         }
-        while (isInstance(node->type()) && isExpanded(*node)) {
-            const Array<NodeId>& nodes = content(*node);
+        while (isStandIn(*node) && isExpanded(*node)) {
+            const Array<NodeId>& nodes = content(shared(*node));
             if (begun.insert(node->id().value).second) {
                 if (!handler) expanded.push_back(node->id());
                 for (std::size_t i = 1; i < nodes.size(); ++i) hidden.push_back(nodes[i]);
@@ -345,7 +390,8 @@ void SceneExporter::State::findEnds(NodeId id, FieldIndex field, bool from,
             const FieldDef& def = known->type().fields[at];
             const bool passes =
                 (node == id || (from ? def.sends() : def.writable())) && (!isExpanded(*known) || groupHas(def));
-            if (!passes && node == id && isExpanded(*known))
+            const bool isLoad = known->type().kind == NodeType::Kind::builtin && def.name == "load";
+            if (!passes && node == id && isExpanded(*known) && !isLoad)  // what is in the document is there already
                 diagnostics.warning(
                     {}, fmt::format("a route of {}'s {} is left out: a Group has none", nameOf(node), def.name));
             if (seen.contains(node.value) && passes) ends.emplace_back(node, at);
@@ -390,7 +436,7 @@ void SceneExporter::State::findRoutes() {
 }
 
 void SceneExporter::State::nameNodes() {
-    if (options.expandPrototypes || options.expandInlines) nameApart();
+    if (options.expandPrototypes || options.expandInlines || options.expandGeometries) nameApart();
     std::unordered_set<std::uint32_t> routed;
     for (const Route& route : routes) {
         routed.insert(route.fromNode.value);

@@ -24,7 +24,11 @@ class ClassicWords {
     explicit ClassicWords(std::string_view text) : text_(text) { levels_.push_back({}); }
 
     DocumentWords take() {
-        while (at_ < text_.size()) step();
+        while (at_ < text_.size()) {
+            const std::size_t known = result_.words.size();
+            step();
+            for (std::size_t i = known; i < result_.words.size(); ++i) result_.words[i].scope = levels_.back().scope;
+        }
         if (!isInWord_) report({});
         return std::move(result_);
     }
@@ -38,6 +42,9 @@ class ClassicWords {
         std::string_view field{};    // of the list
         bool isInterface = false;    // of a PROTO or EXTERNPROTO
         std::string_view waiting{};  // a field's name whose value has not come
+        std::size_t scope = kNoNode;
+        std::size_t ends = kNoNode;  // the node that ends with it
+        bool isBody = false;         // of the last prototype of its scope
     };
 
     void step() {
@@ -79,13 +86,14 @@ class ClassicWords {
     void open(char bracket) {
         ++at_;
         if (levels_.size() >= kDeepestWord) return void(++skipped_);
-        Level next{bracket, levels_.back().node, {}, false, {}};
         Level& level = levels_.back();
+        Level next{bracket, level.node, {}, false, {}, level.scope};
         if (bracket == '{') {
             if (opening_ != kNoNode)
-                next.node = opening_;
+                next.node = next.ends = opening_;
             else
-                next.bracket = 0, next.node = kNoNode;  // a PROTO's body
+                next.bracket = 0, next.node = kNoNode, next.isBody = true;  // a PROTO's body
+            if (next.isBody && declaring_ != kNoNode) next.scope = std::exchange(declaring_, kNoNode);
         } else if (isProto_) {
             next.isInterface = true;
         } else {
@@ -105,6 +113,9 @@ class ClassicWords {
         while (levels_.size() > 1) {
             const bool fits = levels_.back().bracket == opens || (levels_.back().bracket == 0 && bracket == '}');
             if (!fits && opens == '[') return;
+            if (levels_.back().ends != kNoNode) result_.nodes[levels_.back().ends].end = at_;
+            if (levels_.back().isBody && levels_.back().scope != kNoNode)
+                result_.protos[levels_.back().scope].end = at_;
             levels_.pop_back();
             if (fits) break;
         }
@@ -172,8 +183,20 @@ class ClassicWords {
             if (level.bracket != '[') level.waiting = {};
         } else if (before == "PROTO" || before == "EXTERNPROTO") {
             add(WordKind::proto, word);
-            result_.protos.push_back({word});
+            declaring_ = before == "PROTO" ? result_.protos.size() : kNoNode;
+            result_.protos.push_back({word, {}, level.scope});
             isProto_ = true;
+        } else if (before == "EXPORT" || before == "IMPORT") {  // NAME [AS NAME], INLINE.NAME [AS NAME]
+            add(WordKind::use,
+                word.substr(0, before == "EXPORT" ? word.size() : std::min(word.find('.'), word.size())));
+            pending_ = before == "IMPORT" ? "imported" : "exported";
+        } else if (before == "imported" || before == "exported") {
+            pending_ = word != "AS" ? "" : before == "imported" ? "importedAs" : "exportedAs";
+            if (pending_.empty()) understand(word);
+        } else if (before == "importedAs") {
+            add(WordKind::definition, word);
+        } else if (before == "exportedAs") {
+            add(WordKind::attribute, word);
         } else if (before == "ROUTE" || before == "TO") {
             const std::size_t dot = std::min(word.find('.'), word.size());
             add(WordKind::use, word.substr(0, dot));
@@ -218,8 +241,10 @@ class ClassicWords {
         const bool opens = next != text_.npos && text_[next] == '{';
         if (opens || (level.node != kNoNode && holdsNodes(level.node, field) && word != "NULL")) return node(word);
         if (level.node == kNoNode) {  // a statement of the head, whose own words are no nodes
-            static constexpr std::string_view kHead[] = {"PROFILE", "COMPONENT", "META", "UNIT", "IMPORT", "EXPORT"};
-            if (std::ranges::find(kHead, word) != std::end(kHead))
+            static constexpr std::string_view kHead[] = {"PROFILE", "COMPONENT", "META", "UNIT"};
+            if (word == "IMPORT" || word == "EXPORT")
+                pending_ = word;
+            else if (std::ranges::find(kHead, word) != std::end(kHead))
                 at_ = std::min(text_.find('\n', at_), text_.size());
             else
                 result_.words.push_back({WordKind::nodeType, word});
@@ -243,7 +268,7 @@ class ClassicWords {
         const std::string_view field = fieldHere(level);
         result_.words.push_back({WordKind::nodeType, type, level.node, field});
         opening_ = result_.nodes.size();
-        result_.nodes.push_back({type, std::exchange(def_, {}), level.node, field});
+        result_.nodes.push_back({type, std::exchange(def_, {}), level.node, field, {}, level.scope});
         if (level.bracket != '[') level.waiting = {};
     }
 
@@ -254,7 +279,8 @@ class ClassicWords {
     std::size_t skipped_ = 0;
     std::string_view pending_{}, def_{}, last_{};
     WordProto::Field declared_{};
-    std::size_t opening_ = kNoNode;  // the node whose brace comes next
+    std::size_t opening_ = kNoNode;    // the node whose brace comes next
+    std::size_t declaring_ = kNoNode;  // the PROTO whose body comes next
     bool isProto_ = false, isInWord_ = false;
 };
 

@@ -32,6 +32,7 @@ struct Word {
     std::string_view text;
     std::size_t parent = kNoNode;  // a number of `nodes`
     std::string_view field{};
+    std::size_t scope = kNoNode;  // the prototype of `protos` whose body it stands in; names are those of their scope
 };
 
 struct WordNode {
@@ -39,6 +40,8 @@ struct WordNode {
     std::size_t parent = kNoNode;
     std::string_view field{};  // of the parent; empty where the encoding leaves it out
     std::vector<std::string_view> given{};
+    std::size_t scope = kNoNode;  // as of words
+    std::size_t end = kNoNode;    // the offset behind it; kNoNode: the text ends before
 };
 
 /// The interface of a PROTO or EXTERNPROTO, as far as it is written.
@@ -48,6 +51,8 @@ struct WordProto {
     };
     std::string_view name;
     std::vector<Field> fields{};
+    std::size_t scope = kNoNode;  // as of words
+    std::size_t end = kNoNode;    // as of nodes
 };
 
 /// The context at the end of the text: the word that the next letter would belong to, and the level around it.

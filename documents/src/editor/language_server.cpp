@@ -18,6 +18,7 @@
 #include <rtsg/documents/scene_builder.h>
 
 #include "answers.h"
+#include "outline.h"
 #include "text_lines.h"
 
 namespace rtsg {
@@ -31,7 +32,7 @@ using Json = nlohmann::json;
 
 // JSON-RPC 2.0, 5.1, and LSP 3.17.
 constexpr int kParseError = -32700, kInvalidRequest = -32600, kMethodNotFound = -32601, kInvalidParams = -32602,
-              kNotInitialized = -32002;
+              kNotInitialized = -32002, kRequestFailed = -32803;
 constexpr std::size_t kDeepestMessage = 64;  // of a message
 constexpr std::size_t kMaxProposals = 2000;
 
@@ -97,6 +98,32 @@ std::filesystem::path fileOf(std::string_view uri) {
     return path.contains('\0') ? std::filesystem::path() : std::filesystem::path(path);
 }
 
+struct Gate {
+    Filter gate;
+};
+
+/// Drops the rest of a document once a message waits: it may be another edit.
+class Abandoned final : private Gate, public Filter {
+  public:
+    Abandoned(DocumentHandler& next, const std::function<bool()>& isAwaited)
+        : Gate{Filter(next)}, Filter(gate), isAwaited_(isAwaited) {}
+    bool isOver() const { return isOver_; }
+
+    void beginNode(std::string_view type, std::string_view def, std::string_view field, SourceLocation where) override {
+        constexpr std::size_t kPerLook = 64;  // nodes
+        if (isAwaited_ && !isOver_ && ++nodes_ % kPerLook == 0 && isAwaited_()) {
+            isOver_ = true;
+            gate = Filter();
+        }
+        Filter::beginNode(type, def, field, where);
+    }
+
+  private:
+    const std::function<bool()>& isAwaited_;
+    std::size_t nodes_ = 0;
+    bool isOver_ = false;
+};
+
 }  // namespace
 
 struct LanguageServer::State {
@@ -137,11 +164,25 @@ struct LanguageServer::State {
     void open(const Json& params);
     void change(const Json& params);
     void close(const Json& params);
+    /// A request about a place of a document.
+    struct Question {
+        const std::string &uri, &text;
+        const Json& params;
+        const TextLines& lines;
+        std::size_t offset;
+    };
     void ask(const Json& id, const std::string& method, const Json& params);
-    Json complete(const std::string& text, std::size_t offset, const TextLines& lines) const;
-    Json explain(const std::string& text, std::size_t offset, const TextLines& lines) const;
-    Json mend(const std::string& uri, const std::string& text, const Json& params, const TextLines& lines) const;
-    void check(const std::string& uri, const Document& document) const;
+    Json complete(const Question& at) const;
+    Json explain(const Question& at) const;
+    Json define(const Question& at) const;
+    Json mend(const Question& at) const;
+    Json refer(const Question& at) const;
+    Json outline(const Question& at) const;
+    Json nameAt(const Question& at) const;
+    Json indent(const Question& at) const;
+    Json editsOf(const Question& at, const std::vector<TextRange>& ranges, const std::string& with) const;
+    /// False: a message has come meanwhile, and nothing was reported.
+    bool check(const std::string& uri, const Document& document) const;
     Json faultOf(const Diagnostic& fault, const std::string& file, std::string_view text, const TextLines& lines) const;
     void report(const std::string& uri, Json version, Json faults) const {
         Json params = {{"uri", uri}, {"diagnostics", std::move(faults)}};
@@ -171,8 +212,8 @@ void LanguageServer::work() {
     State& s = *state_;
     if (s.edited.empty()) return;
     const std::string uri = *s.edited.begin();
-    s.edited.erase(s.edited.begin());
-    if (const auto found = s.documents.find(uri); found != s.documents.end()) s.check(uri, found->second);
+    const auto found = s.documents.find(uri);
+    if (found == s.documents.end() || s.check(uri, found->second)) s.edited.erase(uri);
 }
 
 void LanguageServer::receive(std::string_view message) {
@@ -209,10 +250,14 @@ void LanguageServer::State::initialize(const Json& id, const Json& params) {
     answer(id, {{"serverInfo", {{"name", "rtsg"}}},
                 {"capabilities",
                  {{"positionEncoding", countsBytes ? "utf-8" : "utf-16"},
-                  {"textDocumentSync", {{"openClose", true}, {"change", 1}, {"save", true}}},
+                  {"textDocumentSync", {{"openClose", true}, {"change", 2}, {"save", true}}},
                   {"completionProvider", {{"triggerCharacters", {"<", " ", ".", "'", "\"", "{", "["}}}},
                   {"hoverProvider", true},
                   {"definitionProvider", true},
+                  {"referencesProvider", true},
+                  {"documentSymbolProvider", true},
+                  {"renameProvider", {{"prepareProvider", true}}},
+                  {"documentFormattingProvider", true},
                   {"codeActionProvider", {{"codeActionKinds", {"quickfix"}}}}}}});
 }
 
@@ -242,10 +287,22 @@ void LanguageServer::State::change(const Json& params) {
     const auto found = documents.find(uriOf(params));
     const Json& changes = member(params, "contentChanges");
     if (found == documents.end() || !changes.is_array()) return notify("didChange: of no open document");
+    std::string& text = found->second.text;
     for (const Json& one : changes) {
-        if (!member(one, "text").is_string() || !member(one, "range").is_null())
-            return notify("didChange: the whole text is what was agreed on");
-        found->second.text = textOf(member(one, "text"));
+        const Json& range = member(one, "range");
+        if (!member(one, "text").is_string() || (!range.is_null() && !range.is_object()))
+            return notify("didChange: a change has a text, and a range or none");
+        const auto& with = member(one, "text").get_ref<const std::string&>();
+        if (range.is_null()) {
+            text = with;
+            continue;
+        }
+        const TextLines lines(text, countsBytes);
+        const std::size_t begin = lines.offsetOf(positionOf(member(range, "start")));
+        const std::size_t end = std::max(begin, lines.offsetOf(positionOf(member(range, "end"))));
+        if (text.size() - (end - begin) + with.size() > options.maximumBytes)
+            return notify(fmt::format("{}: the document is too long", found->first));
+        text.replace(begin, end - begin, with);
     }
     found->second.version = member(member(params, "textDocument"), "version");
     edited.insert(found->first);
@@ -259,28 +316,93 @@ void LanguageServer::State::close(const Json& params) {
 }
 
 void LanguageServer::State::ask(const Json& id, const std::string& method, const Json& params) {
-    const bool isCompletion = method == "textDocument/completion", isHover = method == "textDocument/hover",
-               isDefinition = method == "textDocument/definition", isAction = method == "textDocument/codeAction";
-    if (!isCompletion && !isHover && !isDefinition && !isAction)
+    using Answer = Json (State::*)(const Question&) const;
+    static constexpr std::pair<std::string_view, Answer> kAnswers[] = {
+        {"textDocument/completion", &State::complete},  {"textDocument/hover", &State::explain},
+        {"textDocument/definition", &State::define},    {"textDocument/codeAction", &State::mend},
+        {"textDocument/references", &State::refer},     {"textDocument/documentSymbol", &State::outline},
+        {"textDocument/prepareRename", &State::nameAt}, {"textDocument/formatting", &State::indent},
+    };
+    const auto known = std::ranges::find(kAnswers, std::string_view(method), [](const auto& one) { return one.first; });
+    const bool isRename = method == "textDocument/rename";
+    if (known == std::end(kAnswers) && !isRename)
         return refuse(id, kMethodNotFound, fmt::format("there is no {}", method.substr(0, 80)));
     const auto found = documents.find(uriOf(params));
     if (found == documents.end()) return refuse(id, kInvalidParams, "the document is not open");
-    const std::string& text = found->second.text;
-    const TextLines lines(text, countsBytes);
-    if (isAction) return answer(id, mend(found->first, text, params, lines));
-    const std::size_t offset = lines.offsetOf(positionOf(member(params, "position")));
-    if (isCompletion) return answer(id, complete(text, offset, lines));
-    if (isHover) return answer(id, explain(text, offset, lines));
-    const std::optional<TextRange> range = editor::definitionAt(text, offset);
-    if (!range) return answer(id, nullptr);
-    answer(id, {{"uri", found->first}, {"range", rangeOf(lines, *range)}});
+    const TextLines lines(found->second.text, countsBytes);
+    const Question question{found->first, found->second.text, params, lines,
+                            lines.offsetOf(positionOf(member(params, "position")))};
+    if (!isRename) return answer(id, (this->*known->second)(question));
+    const std::string to = textOf(member(params, "newName"));
+    const auto ranges = editor::renamed(question.text, question.offset, to);
+    if (!ranges) return refuse(id, kRequestFailed, ranges.error().text);
+    answer(id, {{"changes", {{question.uri, editsOf(question, *ranges, to)}}}});
 }
 
-Json LanguageServer::State::complete(const std::string& text, std::size_t offset, const TextLines& lines) const {
-    const editor::Proposals proposals = editor::proposalsAt(text, offset);
+Json LanguageServer::State::editsOf(const Question& at, const std::vector<TextRange>& ranges,
+                                    const std::string& with) const {
+    Json edits = Json::array();
+    for (const TextRange& one : ranges) edits.push_back({{"range", rangeOf(at.lines, one)}, {"newText", with}});
+    return edits;
+}
+
+Json LanguageServer::State::define(const Question& at) const {
+    const std::optional<TextRange> range = editor::definitionAt(at.text, at.offset);
+    if (!range) return nullptr;
+    return {{"uri", at.uri}, {"range", rangeOf(at.lines, *range)}};
+}
+
+Json LanguageServer::State::refer(const Question& at) const {
+    const Json& wanted = member(member(at.params, "context"), "includeDeclaration");
+    Json all = Json::array();
+    for (const TextRange& one : editor::referencesAt(at.text, at.offset, !wanted.is_boolean() || wanted.get<bool>()))
+        all.push_back({{"uri", at.uri}, {"range", rangeOf(at.lines, one)}});
+    return all;
+}
+
+Json LanguageServer::State::nameAt(const Question& at) const {
+    const TextRange range = editor::renamableAt(at.text, at.offset);
+    return range.begin == range.end ? Json() : rangeOf(at.lines, range);
+}
+
+Json LanguageServer::State::outline(const Question& at) const {
+    constexpr int kClass = 5, kObject = 19;  // the protocol's numbers
+    const std::vector<editor::Symbol> symbols = editor::outlineOf(at.text);
+    std::vector<std::vector<std::size_t>> children(symbols.size() + 1);  // the last: at the top
+    for (std::size_t i = 0; i < symbols.size(); ++i) children[std::min(symbols[i].parent, symbols.size())].push_back(i);
+    std::vector<Json> items(symbols.size());
+    const auto takeAll = [&](const std::vector<std::size_t>& numbers) {
+        Json all = Json::array();
+        for (const std::size_t one : numbers) all.push_back(std::move(items[one]));
+        return all;
+    };
+    for (std::size_t i = symbols.size(); i-- > 0;) {  // children have larger numbers
+        const editor::Symbol& one = symbols[i];
+        items[i] = {{"name", one.name.empty() ? "?" : one.name},     {"detail", one.detail},
+                    {"kind", one.isProto ? kClass : kObject},        {"range", rangeOf(at.lines, one.all)},
+                    {"selectionRange", rangeOf(at.lines, one.word)}, {"children", takeAll(children[i])}};
+    }
+    return takeAll(children.back());
+}
+
+Json LanguageServer::State::indent(const Question& at) const {
+    constexpr std::uint32_t kWidest = 16;
+    const Json& style = member(at.params, "options");
+    const Json& spaces = member(style, "insertSpaces");
+    const bool hasTabs = spaces.is_boolean() && !spaces.get<bool>();
+    const std::uint32_t width = std::min(countOf(member(style, "tabSize")), kWidest);
+    const std::string unit = hasTabs ? "\t" : std::string(width == 0 ? 2 : width, ' ');
+    Json edits = Json::array();
+    for (const editor::Indentation& one : editor::indentationOf(at.text, unit))
+        edits.push_back({{"range", rangeOf(at.lines, one.replaced)}, {"newText", one.with}});
+    return edits;
+}
+
+Json LanguageServer::State::complete(const Question& at) const {
+    const editor::Proposals proposals = editor::proposalsAt(at.text, at.offset);
     // The protocol's numbers for a class, a field, a reference, one of an enumeration, and a keyword.
     constexpr int kKinds[] = {7, 5, 18, 20, 14};
-    const Json range = rangeOf(lines, proposals.replaced);
+    const Json range = rangeOf(at.lines, proposals.replaced);
     Json items = Json::array();
     for (const editor::Proposal& one : proposals.all) {
         if (items.size() >= kMaxProposals) break;
@@ -293,28 +415,27 @@ Json LanguageServer::State::complete(const std::string& text, std::size_t offset
     return {{"isIncomplete", proposals.all.size() > kMaxProposals}, {"items", std::move(items)}};
 }
 
-Json LanguageServer::State::explain(const std::string& text, std::size_t offset, const TextLines& lines) const {
-    const std::optional<editor::Explanation> said = editor::explanationAt(text, offset);
+Json LanguageServer::State::explain(const Question& at) const {
+    const std::optional<editor::Explanation> said = editor::explanationAt(at.text, at.offset);
     if (!said) return nullptr;
-    return {{"contents", {{"kind", "markdown"}, {"value", said->markdown}}}, {"range", rangeOf(lines, said->word)}};
+    return {{"contents", {{"kind", "markdown"}, {"value", said->markdown}}}, {"range", rangeOf(at.lines, said->word)}};
 }
 
 /// Proposes corrections for the errors at the place where the editor asks.
-Json LanguageServer::State::mend(const std::string& uri, const std::string& text, const Json& params,
-                                 const TextLines& lines) const {
+Json LanguageServer::State::mend(const Question& at) const {
     Json actions = Json::array();
-    const Json& faults = member(member(params, "context"), "diagnostics");
+    const Json& faults = member(member(at.params, "context"), "diagnostics");
     if (!faults.is_array()) return actions;
     for (const Json& fault : faults) {
-        const std::size_t offset = lines.offsetOf(positionOf(member(member(fault, "range"), "start")));
-        const auto wrong = editor::misspelledWord(text, offset, textOf(member(fault, "message")));
+        const std::size_t offset = at.lines.offsetOf(positionOf(member(member(fault, "range"), "start")));
+        const auto wrong = editor::misspelledWord(at.text, offset, textOf(member(fault, "message")));
         if (!wrong) continue;
-        const Json edit = {{"range", rangeOf(lines, wrong->word)}, {"newText", wrong->meant}};
+        const Json edit = {{"range", rangeOf(at.lines, wrong->word)}, {"newText", wrong->meant}};
         actions.push_back({{"title", fmt::format("Replace by {}", wrong->meant)},
                            {"kind", "quickfix"},
                            {"isPreferred", true},
                            {"diagnostics", {fault}},
-                           {"edit", {{"changes", {{uri, Json::array({edit})}}}}}});
+                           {"edit", {{"changes", {{at.uri, Json::array({edit})}}}}}});
     }
     return actions;
 }
@@ -340,7 +461,7 @@ Json LanguageServer::State::faultOf(const Diagnostic& fault, const std::string& 
             {"message", std::move(message)}};
 }
 
-void LanguageServer::State::check(const std::string& uri, const Document& document) const {
+bool LanguageServer::State::check(const std::string& uri, const Document& document) const {
     const std::filesystem::path file = fileOf(uri);
     const std::string name = file.empty() ? uri : file.string();
     Diagnostics faults(name), missing(name);
@@ -353,7 +474,9 @@ void LanguageServer::State::check(const std::string& uri, const Document& docume
         SceneBuilder builder(scene, faults, build);
         UrlLocations locations(builder);
         const auto filter = makeFilter("validate", locations, {faults, resources, file, options.scripts});
-        if (filter) (void)readDocument(document.text, **filter, faults);
+        Abandoned abandoned(**filter, options.isAwaited);
+        (void)readDocument(document.text, abandoned, faults);
+        if (abandoned.isOver()) return false;
         builder.finish();
         checkResources(scene, resources, missing, &locations);
     }
@@ -362,6 +485,7 @@ void LanguageServer::State::check(const std::string& uri, const Document& docume
     Json all = Json::array();
     for (const Diagnostic& fault : faults.all()) all.push_back(faultOf(fault, name, document.text, lines));
     report(uri, document.version, std::move(all));
+    return true;
 }
 
 }  // namespace rtsg

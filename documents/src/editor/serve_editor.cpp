@@ -25,9 +25,9 @@ class MessageReader {
     MessageReader(int descriptor, std::uint64_t maximumBytes) : descriptor_(descriptor), maximum_(maximumBytes) {}
 
     /// Whether something of the next message is there.
-    bool hasInput() const {
+    bool hasInput(int milliseconds = 0) const {
         pollfd one{descriptor_, POLLIN, 0};
-        return !buffer_.empty() || ::poll(&one, 1, 0) > 0;
+        return !buffer_.empty() || ::poll(&one, 1, milliseconds) > 0;
     }
     /// Waits for a whole message. Nothing: the stream has ended between two.
     Result<std::optional<std::string>> next() {
@@ -109,15 +109,18 @@ bool writeAll(int descriptor, std::string_view text) {
 
 }  // namespace
 
-Result<> serveEditor(int in, int out, const LanguageServerOptions& options) {
-    MessageReader reader(in, options.maximumBytes);
+Result<> serveEditor(int in, int out, const LanguageServerOptions& given) {
+    constexpr int kPause = 150;  // ms without a message, after which somebody has stopped typing
+    MessageReader reader(in, given.maximumBytes);
+    LanguageServerOptions options = given;
+    options.isAwaited = [&] { return reader.hasInput(); };
     bool isRead = true;
     LanguageServer server(options, [&](std::string_view message) {
         isRead = isRead && writeAll(out, fmt::format("Content-Length: {}\r\n\r\n", message.size())) &&
                  writeAll(out, message);
     });
     while (isRead) {
-        while (server.hasWork() && !reader.hasInput()) server.work();
+        while (server.hasWork() && !reader.hasInput(kPause)) server.work();
         const auto message = reader.next();
         if (!message) return std::unexpected(message.error());
         if (!*message) return fail(kEditor, "the editor is gone without an exit");

@@ -33,7 +33,10 @@ class XmlWords {
             if (open == text_.npos) break;
             at_ = open + 1;
             if (skip("!--", "-->") || skip("![CDATA[", "]]>") || skip("!", ">") || skip("?", "?>")) continue;
+            const std::size_t known = result_.words.size();
+            const std::size_t scope = open_.empty() ? kNoNode : open_.back().scope;
             element();
+            for (std::size_t i = known; i < result_.words.size(); ++i) result_.words[i].scope = scope;
         }
         return std::move(result_);
     }
@@ -43,6 +46,9 @@ class XmlWords {
     struct Element {
         std::string_view name;
         std::size_t node = kNoNode;  // its own, or that around it
+        std::size_t scope = kNoNode;
+        bool isNode = false;
+        std::size_t proto = kNoNode;  // that it declares
     };
     /// The attributes of a statement that say what others mean.
     struct Ends {
@@ -68,7 +74,7 @@ class XmlWords {
         if (!isAtEnd() && text_[at_] == '/') {
             ++at_;
             close(name());
-            at_ = std::min(text_.find('>', at_), text_.size() - 1) + 1;
+            if (at_ > 0 && text_[at_ - 1] != '>') at_ = std::min(text_.find('>', at_), text_.size() - 1) + 1;
             return;
         }
         const std::string_view type = name();
@@ -77,18 +83,25 @@ class XmlWords {
             return;
         }
         const bool isNode = !type.empty() && !isStatement(type);
-        Element element{type, around()};
+        Element element{type, around(), open_.empty() ? kNoNode : open_.back().scope, isNode};
+        if (type == "ProtoBody" && !open_.empty() && open_.back().proto != kNoNode) element.scope = open_.back().proto;
+        const std::size_t protos = result_.protos.size();
         if (isNode) {
             result_.words.push_back(
                 {type == "ProtoInstance" ? WordKind::attribute : WordKind::nodeType, type, around()});
             element.node = result_.nodes.size();
-            result_.nodes.push_back({type, {}, around()});
+            result_.nodes.push_back({type, {}, around(), {}, {}, element.scope});
         }
         const bool isDeclared = type == "field" && !open_.empty() && !result_.protos.empty() &&
                                 (open_.back().name == "ProtoInterface" || open_.back().name == "ExternProtoDeclare");
         if (isDeclared) result_.protos.back().fields.emplace_back();
         declared_ = isDeclared ? &result_.protos.back().fields.back() : nullptr;
         const bool isComplete = attributes(element, isNode);
+        if (result_.protos.size() > protos) {
+            element.proto = protos;
+            result_.protos.back().scope = element.scope;
+        }
+        if (isComplete) end(element);
         if (!isComplete && open_.size() < kDeepestWord)
             open_.push_back(element);
         else if (!isComplete)
@@ -99,7 +112,14 @@ class XmlWords {
     void close(std::string_view type) {
         if (skipped_ > 0) return void(--skipped_);
         const auto found = std::ranges::find(open_.rbegin(), open_.rend(), type, &Element::name);
-        if (found != open_.rend()) open_.erase(std::next(found).base(), open_.end());
+        if (found == open_.rend()) return;
+        at_ = std::min(text_.find('>', at_), text_.size() - 1) + 1;
+        for (auto one = open_.rbegin(); one != std::next(found); ++one) end(*one);
+        open_.erase(std::next(found).base(), open_.end());
+    }
+    void end(const Element& element) {
+        if (element.isNode) result_.nodes[element.node].end = at_;
+        if (element.proto != kNoNode) result_.protos[element.proto].end = at_;
     }
 
     /// Up to the tag's end. Returns whether the element ends there, too.
@@ -200,6 +220,7 @@ class XmlWords {
         if ((element.name == "IMPORT" && attribute == "inlineDEF") ||
             (element.name == "EXPORT" && attribute == "localDEF"))
             return {WordKind::use, Expects::use};
+        if (element.name == "IMPORT" && attribute == "AS") return {WordKind::definition, Expects::nothing};
         return {WordKind::attribute, Expects::nothing};
     }
 

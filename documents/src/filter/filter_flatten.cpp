@@ -1,8 +1,12 @@
 // Builds a scene of a document, and passes on the nodes that replace prototypes' instances, or Inlines.
 #include <algorithm>
 #include <array>
+#include <filesystem>
+#include <fstream>
+#include <string>
 #include <tuple>
 #include <unordered_map>
+#include <vector>
 
 #include <fmt/format.h>
 
@@ -14,6 +18,7 @@
 
 #include "build/inline_lights.h"
 #include "filter_parts.h"
+#include "import/import.h"
 
 namespace rtsg::detail {
 
@@ -109,7 +114,17 @@ class Flatten final : private SceneOfDocument, public Filter {
     }
     void beginNode(std::string_view type, std::string_view def, std::string_view field, SourceLocation where) override {
         if (type == "Inline" && protos_ == 0) inlines_.push_back(where);
+        areFiles_.push_back(type == "Inline" || type == "InlineGeometry");
         Filter::beginNode(type, def, field, where);
+    }
+    void endNode(SourceLocation where) override {
+        if (!areFiles_.empty()) areFiles_.pop_back();
+        Filter::endNode(where);
+    }
+    void setField(std::string_view name, Value value, SourceLocation where) override {
+        const bool isOfFile = !areFiles_.empty() && areFiles_.back();
+        if (options_.expandGeometries && isOfFile && name == "load") return;  // all are loaded
+        Filter::setField(name, std::move(value), where);
     }
     void beginProto(std::string_view name, SourceLocation where) override {
         ++protos_;
@@ -138,8 +153,23 @@ class Flatten final : private SceneOfDocument, public Filter {
     const ExportOptions options_;
     std::string version_;
     std::vector<SourceLocation> inlines_;  // of the document itself, in its order
+    std::vector<bool> areFiles_;           // of the open nodes
     std::size_t protos_ = 0;
 };
+
+/// The file of a package's url, as it is named from beside the document; the url itself if there is no such package.
+std::string packageUrl(const FilterContext& context, std::string_view url) {
+    if (!context.resources) return std::string(url);
+    for (const auto& [name, folder] : context.resources->policy().packages)
+        if (const std::string start = "package://" + name + '/'; url.starts_with(start)) {
+            const auto beside = std::filesystem::path(context.file).parent_path();
+            std::error_code problem;
+            const auto file = std::filesystem::relative(folder / url.substr(start.size()),
+                                                        beside.empty() ? std::filesystem::path(".") : beside, problem);
+            return problem || file.empty() ? std::string(url) : file.generic_string();
+        }
+    return std::string(url);
+}
 
 }  // namespace
 
@@ -151,4 +181,29 @@ FilterPtr makeFlattenInlines(DocumentHandler& next, const FilterContext& context
     return std::make_unique<Flatten>(next, context, ExportOptions{.expandInlines = true});
 }
 
+FilterPtr makeEmbed(DocumentHandler& next, const FilterContext& context) {
+    return std::make_unique<Flatten>(
+        next, context,
+        ExportOptions{.expandInlines = true, .expandGeometries = true, .packageUrl = [context](std::string_view url) {
+                          return packageUrl(context, url);
+                      }});
+}
+
 }  // namespace rtsg::detail
+
+namespace rtsg {
+
+bool isRobotFile(const std::filesystem::path& file) {
+    constexpr std::size_t kHead = 4096;
+    std::error_code problem;
+    const std::uintmax_t size = std::filesystem::file_size(file, problem);
+    if (problem) return file.extension() == ".urdf" || file.extension() == ".sdf";
+    std::string head(kHead, '\0');
+    std::ifstream in(file, std::ios::binary);
+    in.read(head.data(), static_cast<std::streamsize>(head.size()));
+    head.resize(static_cast<std::size_t>(in.gcount()));
+    const detail::FileKind kind = detail::fileKind(head, size);
+    return kind == detail::FileKind::urdf || kind == detail::FileKind::sdf;
+}
+
+}  // namespace rtsg

@@ -45,5 +45,7 @@ FilterPtr makeFlattenTransforms(DocumentHandler& next);
 /// Replaces instances of prototypes by their nodes, or Inlines by Groups with their content.
 FilterPtr makeFlattenProtos(DocumentHandler& next, const FilterContext& context);
 FilterPtr makeFlattenInlines(DocumentHandler& next, const FilterContext& context);
+/// Inlines become Groups with their content, and InlineGeometry the geometry that it names, loaded or not.
+FilterPtr makeEmbed(DocumentHandler& next, const FilterContext& context);
 
 }  // namespace rtsg::detail

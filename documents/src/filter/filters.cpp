@@ -19,6 +19,7 @@ constexpr FilterInfo kFilters[] = {
     {"drop-metadata", "", "leaves out metadata nodes, WorldInfo and META"},
     {"drop-names", "", "leaves out names that nothing refers to"},
     {"drop-scripts", "", "leaves out Scripts and the routes to and from them"},
+    {"embed", "", "Inlines and InlineGeometry become what they name; on by itself for robots (URDF)"},
     {"flatten-inlines", "", "Inlines become Groups with their content"},
     {"flatten-protos", "", "instances of prototypes become the nodes of their bodies"},
     {"flatten-transforms", "", "Transforms that nothing moves go into the coordinates below them"},
@@ -68,6 +69,7 @@ Result<std::unique_ptr<DocumentHandler>> makeFilter(std::string_view name, Docum
     if (name == "drop-metadata") return makeDropMetadata(next);
     if (name == "drop-names") return makeDropNames(next);
     if (name == "drop-scripts") return makeDropScripts(next);
+    if (name == "embed") return makeEmbed(next, context);
     if (name == "flatten-inlines") return makeFlattenInlines(next, context);
     if (name == "flatten-protos") return makeFlattenProtos(next, context);
     if (name == "flatten-transforms") return makeFlattenTransforms(next);

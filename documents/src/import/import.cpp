@@ -70,14 +70,10 @@ std::string_view rootElement(std::string_view text) {
 
 /// The kind of an XML document that is no X3D, by its outermost element.
 std::string_view otherXml(std::string_view head) {
-    constexpr std::pair<std::string_view, std::string_view> known[] = {{"ifcXML", "an IFC file, as XML"},
-                                                                       {"kml", "a KML file"},
-                                                                       {"svg", "a picture (SVG)"},
-                                                                       {"CityModel", "a CityGML file"},
-                                                                       {"amf", "an AMF file"},
-                                                                       {"model", "a 3MF model"},
-                                                                       {"sdf", "an SDF file"},
-                                                                       {"mujoco", "a MuJoCo model"}};
+    constexpr std::pair<std::string_view, std::string_view> known[] = {
+        {"ifcXML", "an IFC file, as XML"}, {"kml", "a KML file"},  {"svg", "a picture (SVG)"},
+        {"CityModel", "a CityGML file"},   {"amf", "an AMF file"}, {"model", "a 3MF model"},
+        {"mujoco", "a MuJoCo model"}};
     const std::string_view root = rootElement(head);
     for (const auto& [name, what] : known)
         if (name == root) return what;
@@ -157,7 +153,10 @@ FileKind kindOfOthers(std::string_view head, std::uint64_t size) {
     if (head.starts_with("MM") && head.size() > chunkHead) std::memcpy(&length, head.data() + 2, sizeof(length));
     if (length > chunkHead && length == size) return FileKind::threeDs;
     const std::string_view root = rootElement(head.starts_with("\xEF\xBB\xBF") ? head.substr(3) : head);
-    return root == "robot" ? FileKind::urdf : root == "COLLADA" ? FileKind::collada : FileKind::document;
+    return root == "robot"                     ? FileKind::urdf
+           : root == "sdf" || root == "gazebo" ? FileKind::sdf
+           : root == "COLLADA"                 ? FileKind::collada
+                                               : FileKind::document;
 }
 
 bool looksLikeObj(std::string_view head) {

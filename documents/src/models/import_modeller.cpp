@@ -149,7 +149,10 @@ bool importModeller(const ImportInput& input, DocumentHandler& handler, Diagnost
     glb.remove_prefix(faults.size());
     while (!faults.empty()) {
         // What has no material gets one that is grey, as here.
-        if (const std::string_view one = lineOf(faults); !one.contains("default material"))
+        constexpr std::string_view kWarning = "Warning: ";
+        if (const std::string_view one = lineOf(faults); one.starts_with(kWarning))
+            diagnostics.warning({}, "the " + name + " file: " + std::string(one.substr(kWarning.size())));
+        else if (!one.contains("default material"))
             diagnostics.error({}, "the " + name + " file is damaged: " + std::string(one));
         const std::size_t end = faults.find('\n');
         faults.remove_prefix(end == faults.npos ? faults.size() : end + 1);

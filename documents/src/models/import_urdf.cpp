@@ -7,6 +7,7 @@
 
 #include "import/imported_names.h"
 #include "output_node.h"
+#include "sdf_model.h"
 #include "urdf_joints.h"
 #include "urdf_view.h"
 
@@ -21,12 +22,12 @@ constexpr std::string_view kSwitch = "collisions";
 
 class UrdfWriter {
   public:
-    UrdfWriter(const UrdfModel& model, const ImportInput& input, DocumentHandler& out)
-        : model_(model), input_(input), out_(out) {}
+    UrdfWriter(const UrdfModel& model, std::string_view from, const ImportInput& input, DocumentHandler& out)
+        : model_(model), from_(from), input_(input), out_(out) {}
 
     void run() {
         nameAll();
-        beginImported(out_, "from URDF", "4.1");
+        beginImported(out_, from_, "4.1");
         if (!model_.name.empty()) out_.meta("title", model_.name, {});
         for (const Kind kind : {Kind::revolute, Kind::continuous, Kind::prismatic})
             if (std::ranges::any_of(model_.joints, [&](const UrdfJoint& joint) { return joint.kind == kind; }))
@@ -243,6 +244,7 @@ class UrdfWriter {
     }
 
     const UrdfModel& model_;
+    const std::string_view from_;
     const ImportInput& input_;
     DocumentHandler& out_;
     UniqueNames names_;
@@ -259,7 +261,14 @@ class UrdfWriter {
 bool importUrdf(const ImportInput& input, DocumentHandler& handler, Diagnostics& diagnostics) {
     UrdfModel model;
     if (!readUrdf(input.bytes, model, diagnostics)) return false;
-    UrdfWriter(model, input, handler).run();
+    UrdfWriter(model, "from URDF", input, handler).run();
+    return true;
+}
+
+bool importSdf(const ImportInput& input, DocumentHandler& handler, Diagnostics& diagnostics) {
+    UrdfModel model;
+    if (!readSdf(input.bytes, model, diagnostics)) return false;
+    UrdfWriter(model, "from SDF", input, handler).run();
     return true;
 }
 

@@ -11,5 +11,7 @@ namespace rtsg::detail {
 
 /// Gives a whole document; false if there is no robot in the file.
 bool importUrdf(const ImportInput& input, DocumentHandler& handler, Diagnostics& diagnostics);
+/// The same of an SDF file (sdf_model.h).
+bool importSdf(const ImportInput& input, DocumentHandler& handler, Diagnostics& diagnostics);
 
 }  // namespace rtsg::detail

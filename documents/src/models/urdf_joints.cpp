@@ -127,7 +127,7 @@ std::string_view valueField(Kind kind) {
 
 void declareJoint(DocumentHandler& out, Kind kind) {
     const bool slides = kind == Kind::prismatic, isEndless = kind == Kind::continuous;
-    const std::string_view value = valueField(kind), pose = slides ? "translation" : "rotation";
+    const std::string_view value = valueField(kind), moved = slides ? "translation" : "rotation";
     const auto field = [&](Access access, FieldType type, std::string_view name, Value given) {
         out.declareField({access, type, std::string(name)}, std::move(given), {});
     };
@@ -136,10 +136,10 @@ void declareJoint(DocumentHandler& out, Kind kind) {
     field(Access::inputOutput, FieldType::SFVec3f, "translation", Value(Vec3f(0, 0, 0)));
     field(Access::inputOutput, FieldType::SFRotation, "rotation", Value(Rotation()));
     if (slides) {
-        field(Access::initializeOnly, FieldType::SFVec3f, "start", Value(Vec3f(0, 0, 0)));
+        field(Access::inputOutput, FieldType::SFVec3f, "pose", Value(Vec3f(0, 0, 0)));
         field(Access::initializeOnly, FieldType::MFVec3f, "keyValue", Value(Array<Vec3f>()));
     } else {
-        field(Access::initializeOnly, FieldType::SFRotation, "start", Value(Rotation()));
+        field(Access::inputOutput, FieldType::SFRotation, "pose", Value(Rotation()));
         Array<Rotation> rotations;  // as many as the prototype itself has keys, about the z axis
         if (isEndless)
             for (const double angle : turningKeys(-kPi, kPi)) rotations.push_back({0, 0, 1, inFloat(angle)});
@@ -153,14 +153,14 @@ void declareJoint(DocumentHandler& out, Kind kind) {
         frame.is("translation", "translation");
         frame.is("rotation", "rotation");
         OutputNode moving(out, "Transform", "children", "Moving");
-        moving.is(pose, "start");
+        moving.is(moved, "pose");
         moving.is("children", "children");
     }
     {
-        // A Script without a script is how X3D keeps a value.
-        OutputNode holder(out, "Script", {}, "Value");
-        out.declareField({Access::inputOutput, FieldType::SFFloat, std::string(value)}, std::nullopt, {});
-        holder.is(value, value);
+        // A sensor that nobody touches: its offset keeps a value, and sends it on.
+        OutputNode holder(out, "CylinderSensor", {}, "Value");
+        holder.set("enabled", false);
+        holder.is("offset", value);
     }
     if (isEndless) {
         writeSaw(out, "Turns", kAngles, kAngles);
@@ -177,12 +177,12 @@ void declareJoint(DocumentHandler& out, Kind kind) {
         }
         last.is("keyValue", "keyValue");
     }
-    out.route("Value", value, isEndless ? "Turns" : "Pose", "set_fraction", {});
+    out.route("Value", "offset", isEndless ? "Turns" : "Pose", "set_fraction", {});
     if (isEndless) {
         out.route("Turns", "value_changed", "Turn", "set_fraction", {});
         out.route("Turn", "value_changed", "Pose", "set_fraction", {});
     }
-    out.route("Pose", "value_changed", "Moving", pose, {});
+    out.route("Pose", "value_changed", "Moving", moved, {});
     out.endProto({});
 }
 
@@ -193,8 +193,8 @@ void beginJoint(DocumentHandler& out, const UrdfJoint& joint, std::string_view d
     if (joint.start != 0) {
         out.setField(valueField(joint.kind), Value(inFloat(joint.start)), {});
         out.setField(
-            "start",
-            joint.kind == Kind::prismatic ? Value(along(joint, joint.start)) : Value(about(joint, joint.start)), {});
+            "pose", joint.kind == Kind::prismatic ? Value(along(joint, joint.start)) : Value(about(joint, joint.start)),
+            {});
     }
     setKeys(out, joint);
 }

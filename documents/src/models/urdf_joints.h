@@ -1,8 +1,9 @@
 // The joints of a robot as prototypes: a field for its angle or position, which interpolators turn into a pose.
 //
-// A prototype of interpolators is X3D that every browser plays. They keep to their first and last keys, which is how a
-// joint keeps to its limits; between keys a rotation about one axis goes evenly with the angle. Threading: pure
-// functions. Source: ISO/IEC 19775-1 V4.0 4.4.4 (prototypes), 19.4.6 and 19.4.7 (interpolators).
+// A prototype of interpolators is X3D that every browser plays. Its field `pose` follows them, so that a saved joint is
+// loaded where it was: no browser sends the value of `angle` on loading. The interpolators keep to their first and last
+// keys, which is how a joint keeps to its limits; between keys a rotation about one axis goes evenly with the angle.
+// Threading: pure functions. Source: ISO/IEC 19775-1 V4.0 4.4.4 (prototypes), 19.4.6 and 19.4.7 (interpolators).
 #pragma once
 
 #include <array>

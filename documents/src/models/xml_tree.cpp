@@ -12,6 +12,8 @@ namespace {
 constexpr std::size_t kMaxElements = 1'000'000;
 constexpr std::size_t kPiece = 1 << 30;  // bytes that expat gets at once: it begins long tokens again with each piece
 
+constexpr std::string_view kWhite = " \t\r\n";
+
 struct Building {
     Building(std::vector<XmlElement>& all, Diagnostics& diagnostics)
         : elements(all),
@@ -40,6 +42,17 @@ struct Building {
         for (; *attributes; attributes += 2) element.attributes.emplace_back(attributes[0], attributes[1]);
         open.push_back(number);
     }
+    void text(std::string_view more) {
+        if (open.empty()) return;
+        std::string& all = elements[open.back()].text;
+        if (all.empty()) more.remove_prefix(std::min(more.find_first_not_of(kWhite), more.size()));
+        all += more;
+    }
+    void end() {
+        std::string& all = elements[open.back()].text;
+        all.resize(all.find_last_not_of(kWhite) + 1);  // npos + 1 is 0
+        open.pop_back();
+    }
 };
 
 }  // namespace
@@ -65,7 +78,10 @@ bool XmlTree::read(std::string_view text, Diagnostics& diagnostics) {
         [](void* self, const char* name, const char** attributes) {
             static_cast<Building*>(self)->begin(name, attributes);
         },
-        [](void* self, const char*) { static_cast<Building*>(self)->open.pop_back(); });
+        [](void* self, const char*) { static_cast<Building*>(self)->end(); });
+    XML_SetCharacterDataHandler(parser, [](void* self, const char* characters, int length) {
+        static_cast<Building*>(self)->text({characters, static_cast<std::size_t>(length)});
+    });
     XML_Status status = XML_STATUS_OK;
     do {
         const std::string_view piece = text.substr(0, kPiece);

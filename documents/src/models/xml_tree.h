@@ -18,6 +18,7 @@ struct XmlElement {
     std::string name;
     std::vector<std::pair<std::string, std::string>> attributes;
     SourceLocation where;
+    std::string text;                     // without white space at its ends; what stands between children is joined
     std::vector<std::uint32_t> children;  // their numbers in the tree
 
     /// Null: it has none of that name.

@@ -109,6 +109,7 @@ std::span<const FormatReader> builtinReaders() {
             {"OBJ", isOfKind<FileKind::obj>, byFeed<readImported<importObj>>},
             {"PLY", isOfKind<FileKind::ply>, byFeed<readImported<importPly>>},
             {"URDF", isOfKind<FileKind::urdf>, byFeed<readImported<importUrdf>>},
+            {"SDF", isOfKind<FileKind::sdf>, byFeed<readImported<importSdf>>},
             {"Collada", isOfKind<FileKind::collada, FileKind::fbx, FileKind::threeDs, FileKind::off>,
              byFeed<readImported<importModeller>>, false, true},
             // The last, as it takes what none above has recognised.

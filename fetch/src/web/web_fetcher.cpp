@@ -164,6 +164,7 @@ struct WebFetcher::State {
         const std::string address = at.text();
         const auto known = cache.find(address, module);
         std::optional<std::string> old;
+        if (settings.offline) return kept(address, known, maximumBytes, module);
         if (known && !(known->etag.empty() && known->lastModified.empty()))
             old = cache.content(known->hash, maximumBytes, module);
         Content content{address, {}, {}, HeldFile()};
@@ -174,7 +175,10 @@ struct WebFetcher::State {
             request.lastModified = known->lastModified;
         }
         const TransferAnswer answer = module.get(request);
-        if (!answer.problem.empty()) return fail(answer.problem);
+        if (!answer.problem.empty()) {
+            const bool isKept = known && cache.content(known->hash, maximumBytes, module);
+            return fail(answer.problem + (isKept ? "; the cache has an earlier copy, which --offline takes" : ""));
+        }
         if (isRedirect(answer.status)) {
             if (answer.location.empty()) return fail("the server says that it is elsewhere, and not where");
             next = answer.location;
@@ -193,6 +197,15 @@ struct WebFetcher::State {
         if (!answer.cacheControl.contains("no-store"))
             cache.store(address, {answer.mediaType, answer.etag, answer.lastModified, content.hash}, bytes, module);
         return content;
+    }
+
+    /// What the cache has of an address, whose server is not asked.
+    Result<Content> kept(const std::string& address, const std::optional<CacheEntry>& known, std::uint64_t maximumBytes,
+                         const TransferModule& module) const {
+        const auto bytes = known ? cache.content(known->hash, maximumBytes, module) : std::nullopt;
+        if (!bytes) return fail("the cache does not have it, and --offline asks no server");
+        if (settings.fromCache) settings.fromCache(address);
+        return heldContent(*bytes, address, known->mediaType, known->hash);
     }
 
     TransferRequest requestFor(const WebAddress& at, std::uint64_t maximumBytes, Clock::time_point end,

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <iterator>
 
 #include <fmt/format.h>
@@ -11,10 +12,12 @@
 #include <rtsg/documents/scene_exporter.h>
 #include <rtsg/documents/writer.h>
 #include <rtsg/renderers/image.h>
+#include <rtsg/sync/scene_file.h>
 
 namespace rtsg {
 
 Result<> saveScene(const Scene& scene, const std::string& file, Existing existing, const SessionContext& context) {
+    if (std::filesystem::path(file).extension() == ".rtsgb") return writeSceneFile(scene, file, existing);
     Diagnostics diagnostics(file);
     Encoding encoding = Encoding::classicVrml;
     auto writer = DocumentFileWriter::create(file, diagnostics, existing, encoding, dialectOf(scene));

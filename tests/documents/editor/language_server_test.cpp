@@ -1,4 +1,5 @@
 // An editor asks about documents that are being written. Source: Language Server Protocol 3.17.
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <random>
@@ -15,6 +16,7 @@
 
 #include "editor/answers.h"
 #include "editor/document_words.h"
+#include "editor/outline.h"
 #include "editor/text_lines.h"
 #include "support/temp_folder.h"
 #include "test_paths.h"
@@ -304,6 +306,169 @@ TEST(LanguageServer, FaultsOfInlinedFilesAndOfJsonAreReported) {
     EXPECT_TRUE(client.at("textDocument/completion", "{\"X3D|\"").at("items").empty());
 }
 
+TEST(LanguageServer, EditsOfPartsAreTakenInTheirOrder) {
+    Client client;
+    client.write(classic("Transform { translation 1 2 3 }\nShape { }\n"));
+    const auto edit = [&](Json changes) {
+        client.report("textDocument/didChange", {{"textDocument", {{"uri", client.uri}, {"version", 2}}},
+                                                 {"contentChanges", std::move(changes)}});
+        return client.faults();
+    };
+    const auto at = [](int line, int from, int to) {
+        return Json{{"start", {{"line", line}, {"character", from}}}, {"end", {{"line", line}, {"character", to}}}};
+    };
+    EXPECT_EQ(edit({{{"range", at(2, 12, 13)}, {"text", "T"}}}).size(), 1U);
+    EXPECT_TRUE(edit({{{"range", at(2, 12, 13)}, {"text", ""}}, {{"range", at(2, 12, 12)}, {"text", "t"}}}).empty());
+    EXPECT_TRUE(
+        edit({{{"range", at(3, 0, 9)}, {"text", "DEF \xF0\x9F\x8C\x8D Group { }\nTransform { children USE A }"}},
+              {{"range", at(3, 4, 6)}, {"text", "A"}}})
+            .empty())
+        << "places count units of UTF-16";
+    EXPECT_EQ(edit({{{"text", classic("Nonsense { }")}}}).size(), 1U) << "the whole text";
+    EXPECT_EQ(edit({{{"range", at(77, 0, 3)}, {"text", "\nNonsense { }"}}}).size(), 2U) << "beyond the end is the end";
+}
+
+std::vector<std::string> outline(const Json& symbols, const std::string& before = "") {
+    std::vector<std::string> lines;
+    for (const Json& one : symbols) {
+        lines.push_back(before + one.at("name").get<std::string>() + ": " + one.at("detail").get<std::string>());
+        for (std::string& line : outline(one.at("children"), before + "  ")) lines.push_back(std::move(line));
+    }
+    return lines;
+}
+
+TEST(LanguageServer, NodesAndPrototypesAreListed) {
+    Client client;
+    const Json answer = client.at(
+        "textDocument/documentSymbol",
+        classic(
+            "PROTO P [ ] { DEF T Transform { children Shape { } } }\nDEF A Group { children [ DEF B Shape { } ] }|"));
+    EXPECT_THAT(outline(answer),
+                testing::ElementsAre("P: PROTO", "  T: Transform", "    Shape: children", "A: Group", "  B: Shape"));
+    EXPECT_EQ(client.marked(answer.at(1).at("range")), "A Group { children [ DEF B Shape { } ] }");
+    EXPECT_EQ(client.marked(answer.at(1).at("selectionRange")), "A");
+    const Json same =
+        client.at("textDocument/documentSymbol",
+                  xml("<ProtoDeclare name='P'><ProtoBody><Transform DEF='T'><Shape/></Transform></ProtoBody>"
+                      "</ProtoDeclare><Group DEF='A'><Shape DEF='B'/></Group>|"),
+                  kXml);
+    EXPECT_THAT(outline(same),
+                testing::ElementsAre("P: PROTO", "  T: Transform", "    Shape: ", "A: Group", "  B: Shape"));
+    EXPECT_EQ(client.marked(same.at(1).at("range")), "A'><Shape DEF='B'/></Group>");
+    // Of large documents the nodes with names.
+    std::string many = "DEF A Group { children [ ";
+    for (int i = 0; i < 3000; ++i) many += "Group { children DEF B" + std::to_string(i) + " Shape { } } ";
+    EXPECT_EQ(client.at("textDocument/documentSymbol", classic(many + "] }|")).at(0).at("children").size(), 3000U);
+}
+
+TEST(LanguageServer, NamesChangeWithTheirUsesAndRoutes) {
+    Client client;
+    const auto renamed = [&](const std::string& marked, const char* name, const std::string& to) {
+        const std::size_t mark = marked.find('|');
+        std::string text = marked;
+        text.erase(mark, 1);
+        client.write(text, name);
+        const auto position = editor::TextLines(text, false).positionOf(mark);
+        const Json answer = client.ask("textDocument/rename",
+                                       {{"textDocument", {{"uri", client.uri}}},
+                                        {"position", {{"line", position.line}, {"character", position.character}}},
+                                        {"newName", to}});
+        if (answer.contains("error")) return answer.at("error").at("message").get<std::string>();
+        const Json edits = answer.at("result").at("changes").at(client.uri);
+        for (auto edit = edits.rbegin(); edit != edits.rend(); ++edit) {
+            const std::size_t begin = client.offset(edit->at("range").at("start"));
+            text.replace(begin, client.offset(edit->at("range").at("end")) - begin,
+                         edit->at("newText").get<std::string>());
+        }
+        return text;
+    };
+    constexpr const char* kClassic = "file:///nowhere/a.x3dv";
+    EXPECT_EQ(renamed(classic("PROTO P [ ] { DEF A Group { } }\nDEF A| TimeSensor { } DEF B Group { children USE A }\n"
+                              "ROUTE A.time TO B.x\nEXPORT A AS A\nIMPORT A.C AS D"),
+                      kClassic, "Clock"),
+              classic("PROTO P [ ] { DEF A Group { } }\nDEF Clock TimeSensor { } DEF B Group { children USE Clock }\n"
+                      "ROUTE Clock.time TO B.x\nEXPORT Clock AS A\nIMPORT Clock.C AS D"))
+        << "but for that of the prototype's body";
+    EXPECT_EQ(renamed(classic("PROTO P [ ] { DEF A| Group { } USE A }\nDEF A Group { }"), kClassic, "B"),
+              classic("PROTO P [ ] { DEF B Group { } USE B }\nDEF A Group { }"));
+    EXPECT_EQ(renamed(classic("PROTO Chair [ ] { Group { } }\nChair| { } DEF Chair Chair { }"), kClassic, "Seat"),
+              classic("PROTO Seat [ ] { Group { } }\nSeat { } DEF Chair Seat { }"));
+    EXPECT_EQ(renamed(xml("<Group DEF='A'/><Group USE='|A'/><ROUTE fromNode='A' fromField='A' toNode='B' toField='x'/>"
+                          "<EXPORT localDEF='A' AS='A'/>"),
+                      kXml, "G"),
+              xml("<Group DEF='G'/><Group USE='G'/><ROUTE fromNode='G' fromField='A' toNode='B' toField='x'/>"
+                  "<EXPORT localDEF='G' AS='A'/>"));
+    EXPECT_THAT(renamed(classic("DEF A| Group { } DEF B Group { }"), kClassic, "B"), HasSubstr("B is there already"));
+    EXPECT_THAT(renamed(classic("DEF A| Group { }"), kClassic, "a b"), HasSubstr("is no name in every encoding"));
+    EXPECT_THAT(renamed(classic("DEF A| Group { }"), kClassic, "ROUTE"), HasSubstr("is no name in every encoding"));
+    EXPECT_THAT(renamed(classic("Gro|up { }"), kClassic, "B"), HasSubstr("no name of a node"));
+    EXPECT_EQ(client.marked(client.at("textDocument/prepareRename", classic("DEF Some|thing Group { }"))), "Something");
+    EXPECT_TRUE(client.at("textDocument/prepareRename", classic("Gro|up { }")).is_null());
+    const Json locations = client.at("textDocument/references", classic("DEF A Group { } ROUTE A|.x TO A.y USE A"));
+    EXPECT_EQ(locations.size(), 4U);
+}
+
+TEST(LanguageServer, LinesAreIndentedByTheirBracketsOrElements) {
+    Client client;
+    const auto indented = [&](const std::string& text, const char* name, Json style) {
+        client.write(text, name);
+        const Json edits = client
+                               .ask("textDocument/formatting",
+                                    {{"textDocument", {{"uri", client.uri}}}, {"options", std::move(style)}})
+                               .at("result");
+        std::string result = text;
+        for (auto edit = edits.rbegin(); edit != edits.rend(); ++edit) {
+            const std::size_t begin = client.offset(edit->at("range").at("start"));
+            result.replace(begin, client.offset(edit->at("range").at("end")) - begin,
+                           edit->at("newText").get<std::string>());
+        }
+        return result;
+    };
+    const Json spaces = {{"tabSize", 2}, {"insertSpaces", true}}, tabs = {{"tabSize", 4}, {"insertSpaces", false}};
+    const std::string wanted =
+        "#X3D V4.0 utf8\nGroup {\n  children [\n    # not } here\n    Shape { }\n\n    Script { url \"a }\n b {\n\" "
+        "}\n  ]\n}\n"
+        "Group { }\n";
+    const std::string crooked =
+        "#X3D V4.0 utf8\nGroup {\nchildren [\n        # not } here\n\tShape { }\n  \nScript { url \"a }\n b {\n\" }\n  "
+        "  ]\n}\n"
+        " Group { }\n";
+    EXPECT_EQ(indented(crooked, "file:///nowhere/a.x3dv", spaces), wanted);
+    EXPECT_EQ(indented(wanted, "file:///nowhere/a.x3dv", spaces), wanted);
+    EXPECT_EQ(indented("<?xml version='1.0'?>\n  <X3D>\n<Scene>\n<Group DEF='a>b'\nbboxSize='1 1 1'>\n<!-- <Group>\n x "
+                       "-->\n<Shape/>\n"
+                       "</Group>\n<Script><![CDATA[\n a < b\n]]></Script>\n</Scene></X3D>\n",
+                       kXml, tabs),
+              "<?xml version='1.0'?>\n<X3D>\n\t<Scene>\n\t\t<Group DEF='a>b'\n\t\t\tbboxSize='1 1 1'>\n\t\t\t<!-- "
+              "<Group>\n x -->\n"
+              "\t\t\t<Shape/>\n\t\t</Group>\n\t\t<Script><![CDATA[\n a < b\n]]></Script>\n\t</Scene></X3D>\n");
+    EXPECT_EQ(indented("{ \"X3D\": {\n\"a\": [\n1,\n\"# ]\"\n]\n}}\n", "file:///nowhere/a.json", spaces),
+              "{ \"X3D\": {\n    \"a\": [\n      1,\n      \"# ]\"\n    ]\n}}\n");
+}
+
+TEST(LanguageServer, ACheckEndsWhenAMessageWaits) {
+    bool isAwaited = true;
+    LanguageServerOptions options;
+    options.isAwaited = [&] { return isAwaited; };
+    std::vector<Json> sent;
+    LanguageServer server(options, [&](std::string_view message) { sent.push_back(Json::parse(message)); });
+    server.receive(R"({"id":1,"method":"initialize"})");
+    std::string text = classic("");
+    for (int i = 0; i < 1000; ++i) text += "Group { }\n";
+    server.receive(Json{{"method", "textDocument/didOpen"},
+                        {"params", {{"textDocument", {{"uri", "file:///a.x3dv"}, {"text", text + "Nonsense { }"}}}}}}
+                       .dump());
+    sent.clear();
+    server.work();
+    EXPECT_TRUE(server.hasWork());
+    EXPECT_TRUE(sent.empty());
+    isAwaited = false;
+    server.work();
+    EXPECT_FALSE(server.hasWork());
+    ASSERT_EQ(sent.size(), 1U);
+    EXPECT_EQ(sent[0].at("params").at("diagnostics").size(), 1U);
+}
+
 // ---- whatever comes ------------------------------------------------------------------------------------------------
 
 TEST(LanguageServer, MessagesThatMakeNoSenseAreAnswered) {
@@ -385,6 +550,25 @@ TEST(LanguageServer, AnyTextMayBeAskedAbout) {
             ASSERT_LE(replaced.end, text.size());
             (void)editor::explanationAt(text, offset);
             (void)editor::definitionAt(text, offset);
+            for (const editor::Symbol& one : editor::outlineOf(text)) {
+                ASSERT_LE(one.all.begin, one.word.begin);
+                ASSERT_LE(one.word.end, one.all.end);
+                ASSERT_LE(one.all.end, text.size());
+            }
+            if (const auto ranges = editor::renamed(text, offset, "Other"))
+                for (const editor::TextRange& one : *ranges) ASSERT_LE(one.end, text.size());
+            std::string bare, same;
+            std::size_t at = 0;
+            for (const editor::Indentation& one : editor::indentationOf(text, "  ")) {
+                ASSERT_LE(at, one.replaced.begin);
+                same += text.substr(at, one.replaced.begin - at) + one.with;
+                at = one.replaced.end;
+            }
+            same += text.substr(at);
+            const auto isSpace = [](char c) { return c == ' ' || c == '\t'; };
+            std::ranges::remove_copy_if(text, std::back_inserter(bare), isSpace);
+            std::erase_if(same, isSpace);
+            ASSERT_EQ(same, bare) << "only white space changes";
         }
     // Deep nesting is skipped, and takes no longer.
     const std::string deep(1 << 20, '[');

@@ -224,5 +224,62 @@ TEST_F(InlinedLights, AGroupKeepsWhatItHasOfAnInline) {
         Not(HasSubstr("ROUTE")));
 }
 
+// ---- embedding -----------------------------------------------------------------------------------------------------
+
+class Embed : public testing::Test {
+  protected:
+    void SetUp() override {
+        std::filesystem::create_directories(folder / "parts/pictures");
+        std::ofstream(folder / "parts/tile.stl")
+            << "solid t\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 1 1 0\nendloop\nendfacet\n"
+               "endsolid\n";
+        std::ofstream(folder / "parts/room.x3dv")
+            << "#X3D V4.0 utf8\nShape { appearance Appearance { texture ImageTexture { url [ \"pictures/wood.png\", "
+               "\"http://example.org/a.png\" ] } } geometry Box { } } Script { url \"ecmascript: /* a/b#c */\" }\n";
+    }
+    const test::TempFolder own;
+    const std::filesystem::path folder = own.path();
+};
+
+TEST_F(Embed, GeometriesStandInTheDocumentAndEachFileOnce) {
+    const std::string text = flattened("embed",
+                                       "Shape { geometry InlineGeometry { url \"parts/tile.stl\" } }\n"
+                                       "Shape { geometry DEF M InlineGeometry { load FALSE url \"parts/tile.stl\" } }\n"
+                                       "Shape { geometry InlineGeometry { solid FALSE url \"parts/tile.stl\" } }\n"
+                                       "DEF T BooleanFilter { } ROUTE T.inputTrue TO M.load\n",
+                                       folder / "scene.x3dv");
+    EXPECT_THAT(text, Not(HasSubstr("InlineGeometry")));
+    EXPECT_THAT(text, Not(HasSubstr("ROUTE"))) << "all is loaded";
+    std::size_t sets = 0;
+    for (std::size_t at = text.find("TriangleSet {"); at != text.npos; at = text.find("TriangleSet {", at + 1)) ++sets;
+    EXPECT_EQ(sets, 2U) << text;
+    EXPECT_THAT(text, HasSubstr("geometry USE _1"));
+    test::Loaded again(text);
+    EXPECT_EQ(again.problems(), "");
+}
+
+TEST_F(Embed, UrlsOfInlinesLeadToTheirFilesFromHere) {
+    for (const char* filter : {"embed", "flatten-inlines"}) {
+        const std::string text = flattened(filter, "Inline { url \"parts/room.x3dv\" }", folder / "scene.x3dv");
+        EXPECT_THAT(text, HasSubstr("\"parts/pictures/wood.png\""));
+        EXPECT_THAT(text, HasSubstr("\"http://example.org/a.png\""));
+        EXPECT_THAT(text, HasSubstr("\"ecmascript: /* a/b#c */\""));
+    }
+}
+
+TEST_F(Embed, AFileThatIsMissingIsNamedAndStaysNamed) {
+    const std::string text = flattened("embed", "Shape { geometry InlineGeometry { url \"parts/none.stl\" } }",
+                                       folder / "scene.x3dv", "parts/none.stl");
+    EXPECT_THAT(text, HasSubstr("url \"parts/none.stl\""));
+}
+
+TEST_F(Embed, RobotsAreKnownByTheirContent) {
+    std::ofstream(folder / "arm.xml") << "<?xml version='1.0'?><robot name='r'><link name='a'/></robot>";
+    EXPECT_TRUE(isRobotFile(folder / "arm.xml"));
+    EXPECT_FALSE(isRobotFile(folder / "parts/room.x3dv"));
+    EXPECT_TRUE(isRobotFile("http://example.org/arm.urdf"));
+    EXPECT_FALSE(isRobotFile("-"));
+}
+
 }  // namespace
 }  // namespace rtsg

@@ -69,6 +69,32 @@ TEST(ImportCollada, NamesMaterialsTexturesUnitsAndWhatPointsUpAreThere) {
     EXPECT_THAT(tile.commands, Not(HasSubstr("PhysicalMaterial")));
 }
 
+/// A polygon of these points in OFF, beside a triangle.
+std::string polygonFile(const std::vector<std::pair<int, int>>& points) {
+    std::string text = fmt::format("OFF\n{} 2 0\n0 0 1\n1 0 1\n0 1 1\n", points.size() + 3), corners;
+    for (std::size_t i = 0; i < points.size(); ++i) {
+        text += fmt::format("{} {} 0\n", points[i].first, points[i].second);
+        corners += fmt::format(" {}", i + 3);
+    }
+    return text + fmt::format("3 0 1 2\n{}{}\n", points.size(), corners);
+}
+
+TEST(ImportModeller, APolygonThatCrossesItselfIsAFaultIfAreaIsMissing) {
+    const Imported whole(
+        polygonFile({{1000, 0}, {-901, 434}, {623, -782}, {-223, 975}, {-223, -975}, {623, 782}, {-901, -434}}));
+    EXPECT_TRUE(whole.good);
+    EXPECT_EQ(
+        whole.problems,
+        "test: warning: the OFF file: a polygon has edges that cross or touch: its triangles are a guess [models]\n");
+    const Imported less(polygonFile({{4, 4}, {1, 2}, {4, 3}, {5, 4}, {0, 4}, {0, 3}, {2, 4}, {1, 1}, {5, 3}, {4, 4}}));
+    EXPECT_TRUE(less.good);
+    EXPECT_THAT(less.problems,
+                testing::ContainsRegex("test: error: the OFF file is damaged: .* % of the area of all faces "
+                                       "is missing"));
+    const Imported plain(polygonFile({{0, 0}, {4, 0}, {4, 1}, {1, 1}, {1, 4}, {0, 4}}));
+    EXPECT_EQ(plain.problems, "");
+}
+
 std::string chunk(std::uint16_t id, const std::string& content) {
     std::string bytes;
     put(bytes, id);

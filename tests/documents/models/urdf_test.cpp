@@ -14,6 +14,7 @@
 #include <rtsg/core/placement.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/documents/loader.h>
+#include <rtsg/documents/scene_exporter.h>
 #include <rtsg/documents/writer.h>
 
 #include "core/scene_check.h"
@@ -625,6 +626,49 @@ TEST(Urdf, WhatIsWrittenAsX3dIsTheSameRobot) {
             scene->newFrame(1);
         }
         EXPECT_EQ(transformsOf(direct).at("b"), transformsOf(again).at("b"));
+    }
+}
+
+/// The scene as a document.
+std::string documentOf(const Scene& scene, Encoding encoding) {
+    std::string text;
+    Diagnostics problems;
+    const auto writer = makeWriter(encoding, [&](std::string_view piece) { text += piece; }, problems);
+    SceneExporter(scene, problems).write(*writer, encoding);
+    EXPECT_EQ(test::allText(problems), "");
+    return text;
+}
+
+TEST(Urdf, ARobotThatHasMovedIsSavedAsItStands) {
+    for (const unsigned seed : {1u, 2u, 3u, 4u, 5u}) {
+        RandomRobot robot(seed, 14);
+        Scene scene;
+        Diagnostics problems("robot.urdf");
+        ASSERT_TRUE(loadText(scene, robot.text(), problems)) << test::allText(problems);
+        scene.newFrame(0);
+        robot.move();
+        for (std::size_t i = 0; i < robot.joints.size(); ++i) {
+            const RandomRobot::Joint& joint = robot.joints[i];
+            if (!joint.hasValue() || joint.mimics >= 0) continue;
+            send(scene, fmt::format("j{}.{}", i + 1, joint.kind == "prismatic" ? "position" : "angle"),
+                 static_cast<float>(joint.value));
+        }
+        scene.newFrame(1);
+        const auto there = transformsOf(scene);
+        for (const Encoding encoding : {Encoding::xml, Encoding::classicVrml, Encoding::json}) {
+            const std::string text = documentOf(scene, encoding);
+            EXPECT_THAT(text, testing::Not(HasSubstr("Script"))) << "any browser plays it";
+            Scene again;
+            ASSERT_TRUE(loadText(again, text, problems));
+            EXPECT_EQ(problems.errors(), 0U) << test::allText(problems);
+            for (const auto& [name, transform] : transformsOf(again))
+                for (int c = 0; c < 4; ++c)
+                    EXPECT_LT(glm::length(transform[c] - there.at(name)[c]), 1e-5) << name << ", seed " << seed;
+            // It moves on from there.
+            again.newFrame(2);
+            scene.newFrame(2);
+            EXPECT_EQ(documentOf(again, encoding), text) << "seed " << seed;
+        }
     }
 }
 

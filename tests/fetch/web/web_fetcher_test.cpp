@@ -313,6 +313,32 @@ TEST_F(FetchCacheTest, WhatIsDamagedOrMissingIsFetchedAgain) {
     EXPECT_EQ(unchanged, 1);
 }
 
+TEST_F(FetchCacheTest, OfflineFilesComeFromTheFolderAndAreNamed) {
+    server.file("/open/a", "a scene", "Content-Type: model/x3d+xml\r\n");
+    EXPECT_EQ(readAnew("/open/a"), "a scene");
+    const int asked = server.asked();
+    FetchSettings offline = settings();
+    offline.offline = true;
+    std::vector<std::string> named;
+    offline.fromCache = [&](const std::string& address) { named.push_back(address); };
+    WebFetcher fetcher(offline);
+    const std::string address = server.address("/open/a");
+    EXPECT_EQ(read(fetcher, address), "a scene");
+    EXPECT_EQ(read(fetcher, address), "a scene");
+    EXPECT_EQ(fetcher.fetch(address, kMax)->mediaType, "model/x3d+xml");
+    EXPECT_EQ(named, std::vector{address});
+    EXPECT_THAT(read(fetcher, server.address("/open/b")), HasSubstr("the cache does not have it"));
+    EXPECT_THAT(read(fetcher, server.address("/other/a")), HasSubstr("--allow")) << "the rules stay";
+    EXPECT_EQ(server.asked(), asked);
+}
+
+TEST_F(FetchCacheTest, AServerThatIsGoneIsNamedWithTheWayToTheEarlierCopy) {
+    server.file("/open/a", "a scene");
+    EXPECT_EQ(readAnew("/open/a"), "a scene");
+    server.at("/open/a", [](const Asked& asked) { asked.send(""); });
+    EXPECT_THAT(readAnew("/open/a"), HasSubstr("--offline takes"));
+}
+
 TEST_F(FetchCacheTest, WhatMustNotBeStoredIsNot) {
     server.file("/open/a", "secret", "ETag: \"v1\"\r\nCache-Control: private, no-store\r\n");
     EXPECT_EQ(readAnew("/open/a"), "secret");

@@ -3,7 +3,9 @@
 
 #include <cmath>
 #include <filesystem>
+#include <fstream>
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -110,20 +112,24 @@ TEST(MeshFile, GlbSharesGeometryAndKeepsMaterials) {
 /// A scene written as GLB and read again, at its beginning.
 struct GlbAgain {
     Scene scene, again;
-    std::string problems;
+    std::string problems, file;
+    std::size_t bytes = 0;
 
     explicit GlbAgain(const std::string& body) {
         Diagnostics reading("test"), writing("test");
         EXPECT_TRUE(loadText(scene, "#X3D V4.0 utf8\n" + body, reading));
         for (const Diagnostic& d : reading.all()) ADD_FAILURE() << d.format();
-        const std::string file =
+        const std::string path =
             (std::filesystem::path(testing::TempDir()) / (std::to_string(::getpid()) + "g.glb")).string();
-        EXPECT_TRUE(writeMeshFile(scene, file, MeshFormat::glb, writing));
+        EXPECT_TRUE(writeMeshFile(scene, path, MeshFormat::glb, writing));
         for (const Diagnostic& d : writing.all()) problems += d.format() + "\n";
-        Diagnostics rereading(file);
-        EXPECT_TRUE(loadFile(again, file, rereading));
+        Diagnostics rereading(path);
+        EXPECT_TRUE(loadFile(again, path, rereading));
         for (const Diagnostic& d : rereading.all()) ADD_FAILURE() << d.format();
-        std::filesystem::remove(file);
+        bytes = std::filesystem::file_size(path);
+        std::ifstream in(path, std::ios::binary);
+        file.assign(std::istreambuf_iterator<char>(in), {});
+        std::filesystem::remove(path);
     }
     /// The value of a node's field as text.
     std::string text(const char* name, const char* field) const {
@@ -242,6 +248,62 @@ TEST(MeshFile, GlbHasColoursAsLightAndThoseOfPointsInPlaceOfTheMaterials) {
     EXPECT_THAT(unlit.text("M", "emissiveColor"), testing::StartsWith("0.25 0.5 0.7"));
 }
 
+/// A wavy field of so many points a side, in a shape; `type` is the geometry and what else it has.
+std::string fieldOf(std::size_t side, const std::string& type) {
+    std::string points, triangles;
+    for (std::size_t i = 0; i < side * side; ++i)
+        points += fmt::format("{} {} {},", i % side, std::sin(static_cast<double>(i % side)), i / side);
+    for (std::size_t i = 0; i + side < side * side; ++i)
+        if (i % side + 1 < side)
+            triangles += fmt::format("{} {} {} {} {} {} ", i, i + side, i + 1, i + 1, i + side, i + side + 1);
+    return fmt::format("Shape {{ geometry {} index [{}] coord Coordinate {{ point [{}] }} }} }}", type, triangles,
+                       points);
+}
+
+TEST(MeshFile, GlbHasEachVertexOnceAndNoNormalsWhereFacesAreFlat) {
+    constexpr std::size_t kSide = 100, kTriangles = 2 * (kSide - 1) * (kSide - 1);
+    const GlbAgain flat(fieldOf(kSide, "IndexedTriangleSet { normalPerVertex FALSE"));
+    EXPECT_LT(flat.bytes, 20 * kTriangles);
+    EXPECT_FALSE(flat.file.contains("NORMAL"));
+    const GlbAgain smooth(fieldOf(kSide, "IndexedTriangleSet { "));
+    EXPECT_LT(smooth.bytes, 30 * kTriangles);
+    EXPECT_TRUE(smooth.file.contains("NORMAL"));
+    for (const GlbAgain* g : {&flat, &smooth}) {
+        const Sum wanted = sumOf(g->scene), found = sumOf(g->again);
+        EXPECT_EQ(found.triangles, kTriangles);
+        EXPECT_NEAR(found.area, wanted.area, 1e-6 * wanted.area);
+        EXPECT_LT(glm::length(found.center - wanted.center), 1e-4);
+    }
+    // Triangles that share no points in the scene share them in the file.
+    const GlbAgain loose(
+        "Shape { geometry TriangleSet { normalPerVertex FALSE coord Coordinate { point [0 0 0, 1 0 0, 0 1 0, 0 1 0, 1 "
+        "0 "
+        "0, 1 1 1] } } }");
+    EXPECT_THAT(loose.file, testing::HasSubstr("\"count\":4,\"type\":\"VEC3\""));
+    EXPECT_EQ(sumOf(loose.again).triangles, 2U);
+}
+
+TEST(MeshFile, GlbKeepsTextureCoordinatesThatTheAuthorGave) {
+    const GlbAgain own(
+        lookOf("material Material { }",
+               (std::string(kTriangle) + "texCoord TextureCoordinate { point [0 0, .25 0, 0 1] } }").c_str()));
+    EXPECT_THAT(own.again.dump(), testing::HasSubstr("point [0 0, 0.25 0, 0 1]"));
+    const GlbAgain none(lookOf("material Material { }", (std::string(kTriangle) + "}").c_str()));
+    EXPECT_FALSE(none.file.contains("TEXCOORD"));
+}
+
+TEST(MeshFile, GlbHasGlass) {
+    const GlbAgain g(
+        lookOf("material Material { transparency 1 diffuseColor 0 0 0 metadata MetadataSet { name \"RTSG\" value [ "
+               "MetadataFloat { name \"refractiveIndex\" value 1.33 } "
+               "MetadataFloat { name \"absorption\" value [.5 .25 0] } ] } }"));
+    EXPECT_EQ(g.problems, "");
+    const std::string dump = g.again.dump();
+    EXPECT_THAT(dump, testing::HasSubstr("transparency 1"));
+    EXPECT_THAT(dump, testing::ContainsRegex("\"refractiveIndex\"[^#]*value \\[1.33\\]"));
+    EXPECT_THAT(dump, testing::ContainsRegex("value \\[0\\.(5|49999)[0-9]* 0\\.(25|2499)[0-9]* 0\\]"));
+}
+
 TEST(MeshFile, WhatIsNotInTheFileIsTold) {
     const std::string lines =
         "Shape { geometry IndexedLineSet { coordIndex [0 1] coord Coordinate { point [0 0 0, 1 1 1] } } }\n";
@@ -264,7 +326,7 @@ TEST(MeshFile, WhatIsNotInTheFileIsTold) {
                 testing::HasSubstr("MultiTextures but for their first picture"));
     EXPECT_THAT(reported("material Material { metadata MetadataSet { name \"RTSG\" value MetadataFloat { name "
                          "\"reflectivity\" value .5 } } }"),
-                testing::HasSubstr("mirrors and glass of metadata"));
+                testing::HasSubstr("mirrors of metadata"));
     EXPECT_THAT(reported("material Material { } texture ImageTexture { url \"nowhere.png\" }"),
                 testing::HasSubstr("nowhere.png"));
 }

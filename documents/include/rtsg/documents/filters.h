@@ -38,4 +38,8 @@ struct FilterContext {
 Result<std::unique_ptr<DocumentHandler>> makeFilter(std::string_view name, DocumentHandler& next,
                                                     const FilterContext& context);
 
+/// Whether the file describes a robot (URDF), whose meshes "embed" puts into what other browsers read. It looks at the
+/// file's first bytes; of an address, and of "-", at the name.
+bool isRobotFile(const std::filesystem::path& file);
+
 }  // namespace rtsg

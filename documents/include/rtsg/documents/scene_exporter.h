@@ -7,6 +7,10 @@
 // paper 3.1; ISO/IEC 19775-1 V4.0 4.4.
 #pragma once
 
+#include <functional>
+#include <string>
+#include <string_view>
+
 #include <rtsg/core/scene.h>
 #include <rtsg/documents/document_handler.h>
 
@@ -20,6 +24,10 @@ struct ExportOptions {
     bool expandPrototypes = false;
     /// An Inline becomes a Group with its content, if it is loaded.
     bool expandInlines = false;
+    /// An InlineGeometry becomes the geometry that it has loaded; those that load one file alike share it.
+    bool expandGeometries = false;
+    /// Gives the url of a package (`package://`) that an expanded Inline names; null: it stays as it is.
+    std::function<std::string(std::string_view)> packageUrl{};
     /// CADLayer.visible is written as a list with a value for each child, as in X3D 3.1 to 3.3.
     bool listsVisible = false;
 };

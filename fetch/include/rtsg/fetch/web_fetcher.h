@@ -33,6 +33,10 @@ struct FetchSettings {
     double totalSeconds = 300;   // for one file
     /// awaits() starts to fetch on threads of the fetcher and does not block.
     bool inBackground = false;
+    /// No server is asked: files come from the cache folder as they were when they were fetched last, or not at all.
+    bool offline = false;
+    /// Called for each address that `offline` serves from the cache, once, on any thread; null: nobody hears of it.
+    std::function<void(const std::string& address)> fromCache;
 };
 
 /// The folder for this user's cache: rtsg/web below $XDG_CACHE_HOME or ~/.cache. Empty if there is neither.

@@ -9,14 +9,17 @@
 
 #include <rtsg/core/field_text.h>
 #include <rtsg/core/placement.h>
+#include <rtsg/core/portable_math.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/renderers/color.h>
+
+#include "glb_mesh.h"
 
 namespace rtsg::mesh_files {
 
 namespace {
 
-constexpr std::size_t kFloats = 5126, kIntegers = 5125;
+constexpr std::size_t kFloats = 5126, kIntegers = 5125, kShorts = 5123;
 
 template <class T>
 T fieldOf(const Node* node, std::string_view name, T otherwise) {
@@ -85,7 +88,7 @@ GlbWriter::GlbWriter(const Scene& scene, const Shapes& shapes, const Resources& 
 }
 
 bool GlbWriter::fits() const {
-    return binary_.size() + accessors_.text.size() + nodes_.size() * 256 < 0xF0000000u;
+    return binaryBytes_ + accessors_.text.size() + nodes_.size() * 256 < 0xF0000000u;
 }
 
 void GlbWriter::findMovers(Diagnostics& diagnostics) {
@@ -245,10 +248,9 @@ void GlbWriter::addClips() {
             }
             const std::size_t count = channel.times.size();
             const std::size_t input =
-                accessor(channel.times.data(), count * sizeof(float), count, "SCALAR", kFloats,
+                accessor(channel.times, count, "SCALAR",
                          fmt::format(R"(,"min":[{}],"max":[{}])", channel.times.front(), channel.times.back()));
-            const std::size_t output = accessor(channel.values.data(), channel.values.size() * sizeof(float), count,
-                                                channel.path == "rotation" ? "VEC4" : "VEC3", kFloats);
+            const std::size_t output = accessor(channel.values, count, channel.path == "rotation" ? "VEC4" : "VEC3");
             const std::size_t sampler = samplers.add(fmt::format(R"({{"input":{},"output":{}}})", input, output));
             for (auto at = first; at != last; ++at)
                 channels.add(fmt::format(R"({{"sampler":{},"target":{{"node":{},"path":"{}"}}}})", sampler, at->second,
@@ -262,14 +264,24 @@ void GlbWriter::addClips() {
 
 // ---- meshes and materials ------------------------------------------------------------------------------------------
 
-std::size_t GlbWriter::accessor(const void* values, std::size_t bytes, std::size_t count, const char* type,
-                                std::size_t component, const std::string& more) {
-    pad(binary_, '\0');
-    const std::size_t view =
-        views_.add(fmt::format(R"({{"buffer":0,"byteOffset":{},"byteLength":{}}})", binary_.size(), bytes));
-    binary_.append(static_cast<const char*>(values), bytes);
-    return accessors_.add(fmt::format(R"({{"bufferView":{},"componentType":{},"count":{},"type":"{}"{}}})", view,
-                                      component, count, type, more));
+std::size_t GlbWriter::view(std::size_t bytes, std::function<void(Output&)> write) {
+    const std::size_t offset = binaryBytes_;
+    binary_.push_back({bytes, std::move(write)});
+    binaryBytes_ += (bytes + 3) / 4 * 4;
+    return views_.add(fmt::format(R"({{"buffer":0,"byteOffset":{},"byteLength":{}}})", offset, bytes));
+}
+
+std::size_t GlbWriter::accessor(std::size_t bytes, std::size_t count, const char* type, std::size_t component,
+                                const std::string& more, std::function<void(Output&)> write) {
+    return accessors_.add(fmt::format(R"({{"bufferView":{},"componentType":{},"count":{},"type":"{}"{}}})",
+                                      view(bytes, std::move(write)), component, count, type, more));
+}
+
+std::size_t GlbWriter::accessor(const std::vector<float>& values, std::size_t count, const char* type,
+                                const std::string& more) {
+    return accessor(values.size() * sizeof(float), count, type, kFloats, more, [values](Output& out) {
+        out.write({reinterpret_cast<const char*>(values.data()), values.size() * sizeof(float)});
+    });
 }
 
 namespace {
@@ -288,8 +300,23 @@ std::size_t channelOf(const Mesh& mesh, const String& mapping) {
     return found == mesh.texCoords.end() ? 0 : static_cast<std::size_t>(found - mesh.texCoords.begin());
 }
 
-Color lightOf(const Material& look, const ColorRGBA& color) {
-    if (look.model == ShadingModel::physical) return {color.r, color.g, color.b};
+/// Glass as the extensions of materials say it. `mesh` is one that has the material: its least extent is how thick the
+/// glass is where somebody draws no rays.
+std::map<std::string, std::string> glassOf(const Material& look, const Mesh& mesh) {
+    const Vec3f size = mesh.bounds.size(), absorbed = look.absorption;
+    std::string volume = fmt::format(R"("thicknessFactor":{})", std::max(std::min({size.x, size.y, size.z}), 1e-6f));
+    if (const float maximum = std::max({absorbed.x, absorbed.y, absorbed.z}); maximum > 0) {
+        const auto left = [&](float one) { return portable::exp(-double{one / maximum}); };
+        volume += fmt::format(R"(,"attenuationDistance":{},"attenuationColor":[{},{},{}])", 1 / maximum,
+                              left(absorbed.x), left(absorbed.y), left(absorbed.z));
+    }
+    return {{"KHR_materials_transmission", R"("transmissionFactor":1)"},
+            {"KHR_materials_ior", fmt::format(R"("ior":{})", look.refractiveIndex)},
+            {"KHR_materials_volume", volume}};
+}
+
+Color lightOf(bool isLight, const ColorRGBA& color) {
+    if (isLight) return {color.r, color.g, color.b};
     return {linearFromSrgb(color.r), linearFromSrgb(color.g), linearFromSrgb(color.b)};
 }
 
@@ -305,32 +332,40 @@ std::string GlbWriter::primitiveOf(const Mesh& mesh, NodeId geometry, const Mate
     if (!known.empty()) return known;
     if (lead && channel < mesh.texCoords.size() && mesh.texCoords[channel].generator != TexCoords::Generator::none)
         leaveOut("texture coordinates that depend on the viewer");
-    VertexArrays arrays = vertexArrays(mesh, channel);
-    Bounds bounds;
-    for (const Vec3f& p : arrays.positions) bounds.extend(p);
+    const auto built = std::make_shared<const GlbMesh>(mesh, channel, lead != nullptr);
+    const std::size_t count = built->vertexCount();
+    const Bounds& bounds = built->bounds();
     const std::string limits = fmt::format(R"(,"min":[{},{},{}],"max":[{},{},{}])", bounds.min.x, bounds.min.y,
                                            bounds.min.z, bounds.max.x, bounds.max.y, bounds.max.z);
-    std::string attributes = fmt::format(R"("POSITION":{})", accessor(arrays.positions, "VEC3", kFloats, limits));
-    if (!arrays.normals.empty())
-        attributes += fmt::format(R"(,"NORMAL":{})", accessor(arrays.normals, "VEC3", kFloats));
-    if (!arrays.texCoords.empty()) {
-        Array<Vec2f> coords = arrays.texCoords;  // pictures begin at their upper left corner there
-        for (std::size_t i = 0; i < coords.size(); ++i) {
-            const Vec2f st = moved.apply(coords[i]);
-            coords.mutableData()[i] = {st.x, 1 - st.y};
-        }
-        attributes += fmt::format(R"(,"TEXCOORD_0":{})", accessor(coords, "VEC2", kFloats));
-    }
-    if (!arrays.colors.empty()) {
-        Array<ColorRGBA> colors = arrays.colors;
-        for (std::size_t i = 0; i < colors.size(); ++i) {
-            const Color light = lightOf(look, colors[i]);
-            colors.mutableData()[i] = {light.r, light.g, light.b, colors[i].a};
-        }
-        attributes += fmt::format(R"(,"COLOR_0":{})", accessor(colors, "VEC4", kFloats));
-    }
-    known =
-        fmt::format(R"("attributes":{{{}}},"indices":{})", attributes, accessor(arrays.triangles, "SCALAR", kIntegers));
+    std::string attributes =
+        fmt::format(R"("POSITION":{})", accessor(count * sizeof(Vec3f), count, "VEC3", kFloats, limits,
+                                                 [built](Output& out) { built->writePositions(out); }));
+    if (built->hasNormals())
+        attributes += fmt::format(R"(,"NORMAL":{})", accessor(count * sizeof(Vec3f), count, "VEC3", kFloats, {},
+                                                              [built](Output& out) { built->writeNormals(out); }));
+    if (built->hasTexCoords())
+        attributes += fmt::format(
+            R"(,"TEXCOORD_0":{})",
+            accessor(count * sizeof(Vec2f), count, "VEC2", kFloats, {}, [built, moved](Output& out) {
+                built->forEachTexCoord([&](const Vec4f& coord) {  // pictures begin at their upper left corner there
+                    const Vec2f st = moved.apply(Vec2f(coord));
+                    out.put(Vec2f(st.x, 1 - st.y));
+                });
+            }));
+    if (built->hasColors())
+        attributes +=
+            fmt::format(R"(,"COLOR_0":{})",
+                        accessor(count * sizeof(Vec4f), count, "VEC4", kFloats, {}, [built, isLight](Output& out) {
+                            built->forEachColor([&](const ColorRGBA& color) {
+                                const Color light = lightOf(isLight, color);
+                                out.put(Vec4f(light.r, light.g, light.b, color.a));
+                            });
+                        }));
+    const std::size_t indexBytes = built->isSmall() ? sizeof(std::uint16_t) : sizeof(std::uint32_t);
+    known = fmt::format(
+        R"("attributes":{{{}}},"indices":{})", attributes,
+        accessor(built->indexCount() * indexBytes, built->indexCount(), "SCALAR",
+                 built->isSmall() ? kShorts : kIntegers, {}, [built](Output& out) { built->writeIndices(out); }));
     return known;
 }
 
@@ -356,8 +391,9 @@ const Material& GlbWriter::lookOf(NodeId appearance) {
     if (!look.stages.empty()) leaveOut("MultiTextures but for their first picture");
     if (look.back) leaveOut("materials of backs");
     if (look.hatching.present) leaveOut("FillProperties");
-    if (look.reflectivity != Vec3f(0) || look.refractiveIndex != 0 || look.absorption != Vec3f(0))
-        leaveOut("mirrors and glass of metadata");
+    if (look.reflectivity != Vec3f(0)) leaveOut("mirrors of metadata");
+    if (look.refractiveIndex == 0 && look.absorption != Vec3f(0)) leaveOut("panes of metadata that absorb");
+    if (look.refractiveIndex != 0 && look.priority != 0) leaveOut("priorities of glass");
     if (look.specular != Vec3f(0)) leaveOut("highlights of Materials");
     const TextureUse* lead = leadOf(look);
     for (const TextureRole role : {TextureRole::specular, TextureRole::ambient, TextureRole::shininess})
@@ -385,12 +421,9 @@ std::string GlbWriter::image(const Node& node) {
             leaveOut("pictures that are neither PNG nor JPEG");
             return {};
         }
-        pad(binary_, '\0');
-        const std::size_t view =
-            views_.add(fmt::format(R"({{"buffer":0,"byteOffset":{},"byteLength":{}}})", binary_.size(), bytes->size()));
-        binary_ += *bytes;
+        const std::size_t its = view(bytes->size(), [held = *bytes](Output& out) { out.write(held); });
         return found->second = std::to_string(images_.add(
-                   fmt::format(R"({{"bufferView":{},"mimeType":"image/{}"}})", view, isPng ? "png" : "jpeg")));
+                   fmt::format(R"({{"bufferView":{},"mimeType":"image/{}"}})", its, isPng ? "png" : "jpeg")));
     }
     return {};
 }
@@ -438,10 +471,11 @@ std::size_t GlbWriter::materialNumber(NodeId appearanceId, const Mesh& mesh) {
     const Node* material = childOf(appearance, "material");
     const Material& look = lookOf(appearanceId);
     const bool physical = look.model == ShadingModel::physical, unlit = look.model == ShadingModel::unlit;
-    const Vec3f color = colored ? Vec3f(1) : look.linear.base;
+    const bool isGlass = look.refractiveIndex > 0 && !unlit;
+    const Vec3f color = colored || isGlass ? Vec3f(1) : look.linear.base;
     const Vec3f glow = unlit ? Vec3f(0) : look.linear.emissive;
     const float strength = std::max({glow.x, glow.y, glow.z, 1.0f});
-    const float opacity = colored > 3 ? 1 : look.opacity;
+    const float opacity = colored > 3 || isGlass ? 1 : look.opacity;
     const Node* base = childOf(material, physical ? "baseTexture" : unlit ? "emissiveTexture" : "diffuseTexture");
     if (!base) base = childOf(appearance, "texture");
     const bool isClear = opacity < 1 || colored > 3 || look.texture(TextureRole::base).hasAlpha();
@@ -454,7 +488,10 @@ std::size_t GlbWriter::materialNumber(NodeId appearanceId, const Mesh& mesh) {
     std::string text = fmt::format(
         R"({{"pbrMetallicRoughness":{{"baseColorFactor":[{},{},{},{}],"metallicFactor":{},"roughnessFactor":{}{}{}}},)"
         R"("emissiveFactor":[{},{},{}],"doubleSided":{},"alphaMode":"{}")",
-        color.x, color.y, color.z, opacity, physical ? look.metallic : 0.0f, physical ? look.roughness : 1.0f,
+        color.x, color.y, color.z, opacity, physical && !isGlass ? look.metallic : 0.0f,
+        physical  ? look.roughness
+        : isGlass ? 0.0f
+                  : 1.0f,
         texture(base, look.texture(TextureRole::base), "baseColorTexture"),
         textureOf("metallicRoughnessTexture", TextureRole::metallicRoughness, "metallicRoughnessTexture"),
         glow.x / strength, glow.y / strength, glow.z / strength, !mesh.solid, mode);
@@ -465,14 +502,15 @@ std::size_t GlbWriter::materialNumber(NodeId appearanceId, const Mesh& mesh) {
                          look.occlusionStrength);
         text += textureOf("emissiveTexture", TextureRole::emissive, "emissiveTexture");
     }
-    if (unlit) {
-        text += R"(,"extensions":{"KHR_materials_unlit":{}})";
-        extensions_.insert("KHR_materials_unlit");
-    } else if (strength > 1) {
-        text +=
-            fmt::format(R"(,"extensions":{{"KHR_materials_emissive_strength":{{"emissiveStrength":{}}}}})", strength);
-        extensions_.insert("KHR_materials_emissive_strength");
+    std::map<std::string, std::string> more = isGlass ? glassOf(look, mesh) : std::map<std::string, std::string>();
+    if (unlit) more["KHR_materials_unlit"] = "";
+    if (strength > 1) more["KHR_materials_emissive_strength"] = fmt::format(R"("emissiveStrength":{})", strength);
+    std::vector<std::string> members;
+    for (const auto& [name, its] : more) {
+        members.push_back(fmt::format(R"("{}":{{{}}})", name, its));
+        extensions_.insert(name);
     }
+    if (!members.empty()) text += fmt::format(R"(,"extensions":{{{}}})", fmt::join(members, ","));
     if (material) text += nameOf(material->id());
     materials_.add(text + "}");
     return found->second;
@@ -495,10 +533,9 @@ void GlbWriter::write(Output& out) {
     for (const GlbNode& node : nodes_)
         nodes.add("{" + node.members +
                   (node.children.empty() ? std::string() : ",\"children\":" + listOf(node.children)) + "}");
-    pad(binary_, '\0');
     std::string json = fmt::format(
         R"({{"asset":{{"version":"2.0","generator":"RTSG"}},"scene":0,"scenes":[{{"nodes":{}}}],"buffers":[{{"byteLength":{}}}])",
-        listOf(roots_), binary_.size());
+        listOf(roots_), binaryBytes_);
     const std::pair<const char*, const List*> lists[] = {
         {"nodes", &nodes},          {"meshes", &meshes_},        {"accessors", &accessors_}, {"bufferViews", &views_},
         {"materials", &materials_}, {"images", &images_},        {"textures", &textures_},   {"samplers", &samplers_},
@@ -512,13 +549,16 @@ void GlbWriter::write(Output& out) {
     pad(json, ' ');
     out.write("glTF");
     out.put(std::uint32_t{2});
-    out.put(static_cast<std::uint32_t>(12 + 8 + json.size() + 8 + binary_.size()));
+    out.put(static_cast<std::uint32_t>(12 + 8 + json.size() + 8 + binaryBytes_));
     out.put(static_cast<std::uint32_t>(json.size()));
     out.write("JSON");
     out.write(json);
-    out.put(static_cast<std::uint32_t>(binary_.size()));
+    out.put(static_cast<std::uint32_t>(binaryBytes_));
     out.write(std::string_view("BIN\0", 4));
-    out.write(binary_);
+    for (const Piece& piece : binary_) {
+        piece.write(out);
+        out.write(std::string_view("\0\0\0", (4 - piece.bytes % 4) % 4));
+    }
 }
 
 }  // namespace rtsg::mesh_files

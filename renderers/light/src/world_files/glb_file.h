@@ -1,11 +1,13 @@
 // Writes the visible content of a scene as a GLB file: meshes, materials, viewpoints, lights and clips.
 //
 // A Transform that a clip moves becomes a node of its own, once for each path to it; everything else is placed by a
-// matrix below the nearest such node. Invariant: each node is where the flattener has it. Threading: the scene's
-// thread.
-// Source: glTF 2.0 (ISO/IEC 12113:2022); KHR_lights_punctual, KHR_materials_unlit, KHR_materials_emissive_strength.
+// matrix below the nearest such node. The bytes of meshes are made when they are written, so that they are never all in
+// memory. Invariant: each node is where the flattener has it. Threading: the scene's thread.
+// Source: glTF 2.0 (ISO/IEC 12113:2022); KHR_lights_punctual, KHR_materials_unlit, _emissive_strength, _transmission,
+// _ior and _volume.
 #pragma once
 
+#include <functional>
 #include <map>
 #include <set>
 #include <tuple>
@@ -58,13 +60,12 @@ class GlbWriter {
     void addPlacedNode(const Placed& placed, const glm::dmat4& local, const std::string& members);
 
     static void pad(std::string& bytes, char with) { bytes.resize((bytes.size() + 3) / 4 * 4, with); }
-    std::size_t accessor(const void* values, std::size_t bytes, std::size_t count, const char* type,
-                         std::size_t component, const std::string& more = {});
-    template <class T>
-    std::size_t accessor(const Array<T>& values, const char* type, std::size_t component,
-                         const std::string& more = {}) {
-        return accessor(values.data(), values.size() * sizeof(T), values.size(), type, component, more);
-    }
+    /// Adds a view of the next `bytes`, which `write` makes once the file is written.
+    std::size_t view(std::size_t bytes, std::function<void(Output&)> write);
+    std::size_t accessor(std::size_t bytes, std::size_t count, const char* type, std::size_t component,
+                         const std::string& more, std::function<void(Output&)> write);
+    std::size_t accessor(const std::vector<float>& values, std::size_t count, const char* type,
+                         const std::string& more = {});
     std::string primitiveOf(const Mesh& mesh, NodeId geometry, const Material& look);
     std::size_t meshNumber(const Mesh& mesh, const Instance& instance);
     /// What the renderer reads of an Appearance.
@@ -96,7 +97,12 @@ class GlbWriter {
     std::vector<std::size_t> roots_;
     List meshes_, accessors_, views_, materials_, images_, textures_, samplers_, cameras_, lights_, animations_;
     std::set<std::string> extensions_;
-    std::string binary_;
+    struct Piece {
+        std::size_t bytes;
+        std::function<void(Output&)> write;
+    };
+    std::vector<Piece> binary_;  // each begins at a multiple of 4
+    std::size_t binaryBytes_ = 0;
     std::map<std::pair<std::uint32_t, std::string>, std::string> primitives_;  // by geometry and texture transform
     std::map<std::pair<std::uint32_t, std::uint32_t>, std::size_t> meshNumbers_;
     std::map<std::tuple<std::uint32_t, bool, int>, std::size_t> materialNumbers_;
