@@ -3,8 +3,8 @@
 
 usage: doxygen_filter.py FOLDER
 
-Comments of headers are plain text with backticks: the one that opens a header becomes that file's, indented lines become code, and what
-Doxygen would take for commands does not. Headings of pages get the names that links to them have, which are those of GitHub, with the
+Comments of headers are plain text with backticks: the one that opens a header becomes that file's, and that of each class in it which has none
+(whole for those that it names, its first sentence for others). Indented lines become code, and what Doxygen would take for commands does not. Headings of pages get the names that links to them have, which are those of GitHub, with the
 page's before them, as Doxygen knows one set of names for all pages. Links to what the site does not have become plain text.
 """
 import pathlib
@@ -21,12 +21,35 @@ def plain(text):
     pieces = re.split(r"(`[^`]*`)", text)
     for i, piece in enumerate(pieces):
         pieces[i] = piece if i % 2 else re.sub(r"([\\@#%<>])", r"\\\1", piece).replace("\\>::", "\\>\\::")
-    return "".join(pieces)
+    return re.sub(r"(?<![\w>\\])::", r"\\::", "".join(pieces))
+
+
+CLASS = re.compile(r"(?:class|struct) (?:\[\[\w+\]\] )?(\w+)(?: final)?(?: :[^{;]*)?\s*\{")
+
+
+def classes_without_comment(lines):
+    """Where a class begins, with its template: its name."""
+    found = {}
+    for at, line in enumerate(lines):
+        match = CLASS.match(re.sub(r"^template <.*>\s*(?=class|struct)", "", line))
+        begin = at - 1 if match and at > 0 and re.match(r"template <.*>$", lines[at - 1]) else at
+        if match and not lines[begin - 1].startswith("///"):
+            found[begin] = match[1]
+    return found
 
 
 def header(text):
+    lines = text.splitlines()
+    bare, said = classes_without_comment(lines), []
     out, opening, code = ["/// @file"], True, False
-    for line in text.splitlines():
+    for at, line in enumerate(lines):
+        if opening and line.startswith("#pragma once"):
+            said = out[1:] + ["/// @endcode"] * code
+        if at in bare:
+            names = re.match(r"/// ([\w:, ]*?): ", said[0] + " ") if said else None
+            whole = names and bare[at] in re.split(r"\W+", names[1])
+            first = re.match(r"(?:///.*?\.(?=\s|$)|///.*?$)", " ".join(one if i == 0 else one[3:].strip() for i, one in enumerate(said)))
+            out += said if whole else [first[0]] if first else []
         opening = opening and not line.startswith("#pragma once")
         comment = re.match(r"(\s*)//(/?<?)( {0,4})(.*)" if opening else r"(.*?)(?:(?<=\s)|^)//(/<?)( {0,4})(.*)", line)
         if not comment:
@@ -64,18 +87,26 @@ def page(text, path):
             return f"[{words}](#{label(to)}{'-' + anchor if anchor else ''})"
         return words
 
-    out, fenced = [], False
+    out, words, fenced = [], [], False
+
+    def end_words():
+        """Links may begin in one line and end in the next."""
+        joined = re.sub(r"!\[([^\]]*)\]\((?:[^)\s]*/)?([^)\s/]+)\)", r"![\1](\2)", "\n".join(words))
+        out.extend(re.sub(r"(?<!!)\[([^\]]*)\]\(([^)\s]+)\)", link, joined).split("\n") if words else [])
+        words.clear()
+
     for number, line in enumerate(text.splitlines()):
         fenced ^= line.startswith("```")
-        if not fenced and not line.startswith("    "):
-            heading = re.match(r"(#+) (.*)", line)
-            if heading:
-                name = label(path) + ("" if number == 0 else "-" + slug(heading[2]))
-                line = f"{heading[1]} {heading[2]} {{#{name}}}"
-            else:
-                line = re.sub(r"!\[([^\]]*)\]\((?:[^)\s]*/)?([^)\s/]+)\)", r"![\1](\2)", line)
-                line = re.sub(r"(?<!!)\[([^\]]*)\]\(([^)\s]+)\)", link, line)
+        heading = None if fenced else re.match(r"(#+) (.*)", line)
+        if not fenced and not heading and not line.startswith("    "):
+            words.append(line)
+            continue
+        end_words()
+        if heading:
+            name = label(path) + ("" if number == 0 else "-" + slug(heading[2]))
+            line = f"{heading[1]} {heading[2]} {{#{name}}}"
         out.append(line)
+    end_words()
     return "\n".join(out) + "\n"
 
 

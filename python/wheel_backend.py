@@ -2,6 +2,7 @@
 
 Debian 12 has no scikit-build-core. The extension is built in a folder of its own, or, with
 `--config-settings build=FOLDER` or RTSG_BUILD, in a build folder that is there already.
+Run as a program, it writes what an installed package says of itself (rtsg-VERSION.dist-info) into the given folder.
 """
 import base64
 import hashlib
@@ -32,7 +33,6 @@ def build_sdist(sdist_directory, config_settings=None):
 
 def build_wheel(wheel_directory, config_settings=None, metadata_directory=None):
     """Returns the wheel's name."""
-    project = tomllib.loads((HERE / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     with tempfile.TemporaryDirectory() as folder:
         installed = pathlib.Path(folder) / "installed"
         build = (config_settings or {}).get("build") or os.environ.get("RTSG_BUILD")
@@ -45,7 +45,8 @@ def build_wheel(wheel_directory, config_settings=None, metadata_directory=None):
     for path in sorted((HERE / "rtsg").iterdir()):
         if path.suffix in (".py", ".pyi") or path.name == "py.typed":
             files[f"rtsg/{path.name}"] = path.read_bytes()
-    return write_wheel(pathlib.Path(wheel_directory), project, files)
+    version = f"cp{sys.version_info.major}{sys.version_info.minor}"
+    return write_wheel(pathlib.Path(wheel_directory), project(), files, version, sysconfig.get_platform().replace("-", "_").replace(".", "_"))
 
 
 def configure(build):
@@ -61,27 +62,43 @@ def run(*command):
         raise RuntimeError(f"{command[0]} is not installed: ./dev names the packages that a build takes") from None
 
 
-def write_wheel(folder, project, files):
-    version = f"cp{sys.version_info.major}{sys.version_info.minor}"
-    tag = f"{version}-{version}-{sysconfig.get_platform().replace('-', '_').replace('.', '_')}"
-    about = f"{project['name']}-{project['version']}.dist-info"
-    metadata = [f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\nSummary: {project['description']}",
-                f"License: {project['license']['text']}", f"Requires-Python: {project['requires-python']}"]
-    metadata += [f"Requires-Dist: {need}" for need in project["dependencies"]]
-    for extra, needs in project.get("optional-dependencies", {}).items():
+def project():
+    return tomllib.loads((HERE / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+
+
+def dist_info(about):
+    """The files, by name, that say what is installed, of the project that pyproject.toml names."""
+    metadata = [f"Metadata-Version: 2.1\nName: {about['name']}\nVersion: {about['version']}\nSummary: {about['description']}",
+                f"License: {about['license']['text']}", f"Requires-Python: {about['requires-python']}"]
+    metadata += [f"Requires-Dist: {need}" for need in about["dependencies"]]
+    for extra, needs in about.get("optional-dependencies", {}).items():
         metadata += [f"Provides-Extra: {extra}"] + [f"Requires-Dist: {need} ; extra == '{extra}'" for need in needs]
     points = "".join(f"[{group}]\n" + "".join(f"{name} = {target}\n" for name, target in names.items())
-                     for group, names in project.get("entry-points", {}).items())
-    files = {**files, f"{about}/METADATA": ("\n".join(metadata) + "\n").encode(), f"{about}/entry_points.txt": points.encode(),
-             f"{about}/WHEEL": f"Wheel-Version: 1.0\nGenerator: rtsg\nRoot-Is-Purelib: false\nTag: {tag}\n".encode()}
-    name = f"{project['name']}-{project['version']}-{tag}.whl"
+                     for group, names in about.get("entry-points", {}).items())
+    folder = f"{about['name']}-{about['version']}.dist-info"
+    return folder, {"METADATA": "\n".join(metadata) + "\n", "entry_points.txt": points}
+
+
+def write_wheel(folder, about, files, version, machine):
+    tag = f"{version}-{version}-{machine}"
+    info, texts = dist_info(about)
+    texts["WHEEL"] = f"Wheel-Version: 1.0\nGenerator: rtsg\nRoot-Is-Purelib: false\nTag: {tag}\n"
+    files = {**files, **{f"{info}/{name}": text.encode() for name, text in texts.items()}}
+    name = f"{about['name']}-{about['version']}-{tag}.whl"
     record = []
     with zipfile.ZipFile(folder / name, "w", zipfile.ZIP_DEFLATED) as wheel:
         for path, data in files.items():
             entry = zipfile.ZipInfo(path, (1980, 1, 1, 0, 0, 0))  # the same wheel of the same files
-            entry.external_attr = (0o755 if path.endswith(".so") else 0o644) << 16
+            entry.external_attr = (0o755 if ".so" in path else 0o644) << 16
             wheel.writestr(entry, data, zipfile.ZIP_DEFLATED)
             digest = base64.urlsafe_b64encode(hashlib.sha256(data).digest()).rstrip(b"=").decode()
             record.append(f"{path},sha256={digest},{len(data)}")
-        wheel.writestr(f"{about}/RECORD", "\n".join([*record, f"{about}/RECORD,,"]) + "\n")
+        wheel.writestr(f"{info}/RECORD", "\n".join([*record, f"{info}/RECORD,,"]) + "\n")
     return name
+
+
+if __name__ == "__main__":
+    name, texts = dist_info(project())
+    (pathlib.Path(sys.argv[1]) / name).mkdir(parents=True)
+    for file, text in texts.items():
+        (pathlib.Path(sys.argv[1]) / name / file).write_text(text, encoding="utf-8")

@@ -88,18 +88,18 @@ LogOptions logOptions(const RecordArguments& options) {
     return result;
 }
 
-void printSummary(const RecordArguments& options, RunningScene& running, std::uint64_t frames, std::uint64_t bytes) {
+void printSummary(const RecordArguments& options, RunningScene& running, std::uint64_t frames, std::uint64_t states,
+                  std::uint64_t bytes) {
     const double perFrame = static_cast<double>(bytes) / static_cast<double>(std::max<std::uint64_t>(1, frames));
     const std::string hash = running.scene().hash().hex();
     if (options.json)
-        fmt::print("{{\"frames\":{},\"t\":{},\"bytes\":{},\"bytes_per_frame\":{:.1f},\"hash\":\"{}\"}}\n", frames,
-                   running.time(), bytes, perFrame, hash);
+        fmt::print("{{\"states\":{},\"frames\":{},\"t\":{},\"bytes\":{},\"bytes_per_frame\":{:.1f},\"hash\":\"{}\"}}\n",
+                   states, frames, running.time(), bytes, perFrame, hash);
     else if (options.rotate.wanted())
-        fmt::print("the first state and {} to t = {} s, {} bytes in the last file, state {}\n", framesText(frames),
-                   running.time(), bytes, hash);
+        fmt::print("{} states to t = {} s, {} bytes in the last file, state {}\n", states, running.time(), bytes, hash);
     else
-        fmt::print("the first state and {} to t = {} s, {} bytes ({:.1f} a frame), state {}\n", framesText(frames),
-                   running.time(), bytes, perFrame, hash);
+        fmt::print("{} states to t = {} s, {} bytes ({:.1f} a frame), state {}\n", states, running.time(), bytes,
+                   perFrame, hash);
 }
 
 int recordFile(const RecordArguments& options) {
@@ -126,6 +126,8 @@ int recordFile(const RecordArguments& options) {
     }
     scene.setInputRecording(options.inputs || wanted.mode.mode == Mode::input);
     (void)interrupted();  // from here on an interruption ends the program in order and leaves no partial file
+    const Scene& logged = lossy ? lossy->scene() : scene;
+    const std::uint64_t before = logged.sequence();
     auto log = Recording::start(lossy ? lossy->scene() : scene, options.out, wanted);
     if (!log) return printError(log.error()), kBad;
     const auto follow = [&](std::uint64_t, const ChangeSet&) { return (*log)->failure().empty() && !interrupted(); };
@@ -140,7 +142,7 @@ int recordFile(const RecordArguments& options) {
                        : "nothing was recorded");
         return kBad;
     }
-    printSummary(options, running, done, (*log)->bytes());
+    printSummary(options, running, done, logged.sequence() - before + 1, (*log)->bytes());
     if (done == pace.frames()) return kDone;
     printError(fmt::format("interrupted: {} holds {} of {} frames", options.out, done, pace.frames()));
     return kBad;

@@ -17,6 +17,7 @@
 #include <unistd.h>
 
 #include <rtsg/core/memory.h>
+#include <rtsg/core/sandbox.h>
 #include <rtsg/core/terminal.h>
 #include <rtsg/core/web_address.h>
 #include <rtsg/session/moments.h>
@@ -175,6 +176,9 @@ void ResourceArguments::addTo(Command& command) {
             "NAME=N sets a limit on documents: bytes of a file, nodes, depth, pixels, samples, instances, seconds; "
             "memory: bytes of the whole process")
         ->repeatable();
+    command.addFlag(
+        "--trust", trust,
+        "pictures, sounds, fonts and meshes are decoded in this process, and not in one that can do nothing else");
     addExtensions(command);
 }
 
@@ -222,6 +226,19 @@ std::shared_ptr<UrlFetcher> ResourceArguments::fetcher(const std::string& docume
     return std::make_shared<WebFetcher>(std::move(settings));
 }
 
+namespace {
+
+void openSandbox() {
+    if (isSandboxed()) return;
+    const auto started = startSandbox();
+    if (started) return;
+    Diagnostics diagnostics;
+    diagnostics.warning({}, started.error().text + "; --trust accepts that", started.error().code);
+    print(diagnostics);
+}
+
+}  // namespace
+
 ResourcePolicy ResourceArguments::policy(const std::string& document) const {
     ResourcePolicy policy;
     policy.fetcher = fetcher(document);
@@ -266,6 +283,7 @@ ResourcePolicy ResourceArguments::policy(const std::string& document) const {
                     ": expected memory=N, bytes=N, nodes=N, depth=N, pixels=N, samples=N, instances=N or seconds=N");
     }
     setMemoryLimit(memory);
+    if (!trust) openSandbox();
     return policy;
 }
 

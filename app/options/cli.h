@@ -93,12 +93,13 @@ void sleepUntil(std::chrono::steady_clock::time_point until);
 /// no TERM=dumb) and the work takes over a second.
 Progress progressBar(std::string label);
 
-/// --base, --allow, --package and --limit: the files and addresses that the urls of a document may open, and their
-/// size.
+/// --base, --allow, --package, --limit and --trust: the files and addresses that the urls of a document may open, their
+/// size, and which process decodes them.
 struct ResourceArguments {
     std::string base;
     std::vector<std::string> allow, packages, limits, networks;
     std::string certificates, cache;
+    bool trust = false;
     /// Whether files from the network are fetched without waiting: see FetchSettings.
     bool inBackground = false;
 

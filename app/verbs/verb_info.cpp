@@ -121,23 +121,24 @@ int describeLog(const InfoArguments& options) {
     const double duration = std::round((log->end - log->start) * 1e6) / 1e6;
     if (options.json) {
         fmt::print(
-            "{{\"frames\":{},\"keyframes\":{},\"inputs\":{},\"sessions\":{},\"first_state\":{},\"last_state\":{},"
+            "{{\"states\":{},\"frames\":{},\"keyframes\":{},\"inputs\":{},\"sessions\":{},\"first_state\":{},\"last_"
+            "state\":{},"
             "\"t\":{},\"begins\":{},\"duration_s\":{},\"bytes\":{},\"damaged\":{},\"damaged_bytes\":{},\"gaps\":{},"
             "\"missing_"
             "frames\":{},\"frames_behind\":{},\"closed\":{},\"goes_on\":{},"
             "\"being_written\":{},\"mode\":{},"
             "\"coding\":{},\"creator\":{},\"nodes\":{},\"types\":{}}}\n",
-            log->frames, log->keyframes, log->inputs, log->sessions, log->firstState, log->lastState, log->start,
-            jsonString(dateText(log->start)), duration, log->bytes, log->damaged, log->damagedBytes, log->gaps,
-            log->missingFrames, log->framesBehind, log->closed, log->goesOn, log->beingWritten, jsonString(log->mode),
-            jsonString(log->coding), jsonString(log->creator), log->nodes, asJson(log->types));
+            log->states, log->frames, log->keyframes, log->inputs, log->sessions, log->firstState, log->lastState,
+            log->start, jsonString(dateText(log->start)), duration, log->bytes, log->damaged, log->damagedBytes,
+            log->gaps, log->missingFrames, log->framesBehind, log->closed, log->goesOn, log->beingWritten,
+            jsonString(log->mode), jsonString(log->coding), jsonString(log->creator), log->nodes, asJson(log->types));
     } else {
         fmt::print(
-            "{}\n  frames     {}, states {} to {}\n  keyframes  {}\n  inputs     {}\n  sessions   {}\n"
+            "{}\n  states     {}, {} to {}\n  keyframes  {}\n  inputs     {}\n  sessions   {}\n"
             "  time       {} s, from {} on\n  bytes      {}\n  damage     {} places, {} bytes{}\n"
             "  gaps       {}{}\n"
             "  mode       {}, coding {}, written by {}\n  nodes      {} in the last state\n",
-            terminalText(options.shown), log->frames, log->firstState, log->lastState, log->keyframes, log->inputs,
+            terminalText(options.shown), log->states, log->firstState, log->lastState, log->keyframes, log->inputs,
             log->sessions, duration, dateText(log->start), log->bytes, log->damaged, log->damagedBytes,
             log->beingWritten ? "; it is still being written"
             : log->closed     ? ""

@@ -8,16 +8,19 @@
 #include <memory>
 #include <optional>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include <fmt/format.h>
 
 #include <rtsg/session/health.h>
 #include <rtsg/session/running_scene.h>
+#include <rtsg/sync/log.h>
 #include <rtsg/sync/log_recorder.h>
 #include <rtsg/sync/lossy_scene.h>
 #include <rtsg/sync/mirror_server.h>
 #include <rtsg/sync/record_log.h>
+#include <rtsg/sync/replay.h>
 
 #include "feeds.h"
 #include "files.h"
@@ -61,7 +64,7 @@ struct ServeArguments {
     SayArguments say;
     std::string nats;
     std::string shown;  // the log that is played or resumed, as it is named to the user
-    bool insecure = false, json = false, force = false, reload = false, embed = false;
+    bool insecure = false, json = false, force = false, reload = false, embed = false, resumeIfThere = false;
 };
 
 /// Makes a missing key file; the client gets a copy.
@@ -113,24 +116,49 @@ Result<std::optional<ResumedSession>> begin(RunningScene& running, const ServeAr
     return std::optional(std::move(*session));
 }
 
+/// --resume-if-there: the log of --record is continued if there is one with a state in it. One that was cut before its
+/// first state holds nothing, and is begun again.
+void resumeIfThere(ServeArguments& options) {
+    if (!options.resumeIfThere) return;
+    const std::string option = "--resume-if-there";
+    if (options.record.empty()) throw UsageError(option, "needs --record LOG, which it continues if it is there");
+    if (!options.resume.empty()) throw UsageError(option, "cannot be combined with --resume");
+    if (options.force) throw UsageError("--force", "cannot be combined with --resume-if-there, which replaces no log");
+    if (isNatsAddress(options.record))
+        throw UsageError(option, "needs a file: --resume continues a session that is stored at a NATS server");
+    std::error_code ignored;
+    if (!std::filesystem::exists(options.record, ignored)) return;
+    const bool alone = earlierPieces(options.record).empty();
+    auto log = Replayer::open(options.record);
+    const bool hasNoState = std::filesystem::file_size(options.record, ignored) == 0 || (log && !(*log)->nextTime());
+    if (alone && hasNoState) {
+        options.force = true;
+        return;
+    }
+    options.resume = std::exchange(options.record, {});
+}
+
 void checkResume(const ServeArguments& options) {
+    const bool resumes = !options.resume.empty() || options.resumeIfThere;
     if (options.await > options.peers)
         throw UsageError(
             "--await", fmt::format("waits for {} mirrors, of which --peers lets in {}", options.await, options.peers));
     if (options.scene.empty() && options.resume.empty()) throw UsageError("SCENE is required, or --resume LOG");
-    if (options.reload && !options.resume.empty())
+    if (std::error_code ignored; std::filesystem::is_directory(options.resume, ignored))
+        throw UsageError("--resume", options.resume + " is a folder: name the newest file of the log that is in it");
+    if (options.reload && resumes)
         throw UsageError("--reload", "cannot be combined with --resume, which continues the session and not the file");
     const ServeLogArguments none;
     if (options.log.rate != none.rate || options.log.loop || options.log.paused || options.log.control)
         throw UsageError("--rate, --loop, --paused, --control", "are for a log, but a scene is served");
     if (!options.resume.empty() && !options.record.empty())
         throw UsageError("--record", "cannot be combined with --resume, which continues its log");
-    if (!options.resume.empty() && !options.start.at.empty())
+    if (resumes && !options.start.at.empty())
         throw UsageError("--at",
                          "not together with --resume: a log has its own clock, which goes on from its last state");
-    if (!options.resume.empty() && !options.start.clip.empty())
+    if (resumes && !options.start.clip.empty())
         throw UsageError("--clip", "cannot be combined with --resume: the motion in the log continues");
-    if (!options.resume.empty() && options.mode == nameOf(Mode::lossy))
+    if (resumes && options.mode == nameOf(Mode::lossy))
         throw UsageError("--resume", "not together with --mode lossy: mirrors hold other values than the log");
 }
 
@@ -482,6 +510,7 @@ int serve(ServeArguments options, const std::vector<std::string>& given) {
     if (!options.nats.empty()) checkNatsAddress("--nats", options.nats);
     if (!options.nats.empty() && options.coding != nameOf(Coding::raw))
         throw UsageError("--coding", "cannot be combined with --nats: a mirror that joins could not decode it");
+    resumeIfThere(options);
     options.shown = shownLog(options.resume.empty() ? options.scene : options.resume);
     PassingFolder fetched;
     if (options.resume.empty() && isNatsAddress(options.scene)) {
@@ -560,6 +589,9 @@ Verb addServe(Command& program) {
     {
         const Command::Section section(*command, "Log");
         command->addOption("--record", options->record, "log to write as well (.rlog), or nats://HOST:PORT/NAME");
+        command->addFlag("--resume-if-there", options->resumeIfThere,
+                         "if the log of --record is there already, continue its session as --resume does: one command "
+                         "for the first start and for each after a crash");
         options->keyframes.addTo(*command);
         options->rotate.addTo(*command);
         addForce(*command, options->force);
@@ -575,6 +607,7 @@ Verb addServe(Command& program) {
     options->network.addTo(*command);
     command->footer(
         "Example: rtsg serve hall.x3dv --bind tcp://127.0.0.1:4711 --for 20s --record hall.rlog\n"
+        "Example: rtsg serve hall.x3dv --bind tcp://127.0.0.1:4711 --for 20s --record live.rlog --resume-if-there\n"
         "Example: rtsg serve --resume hall.rlog --bind tcp://127.0.0.1:4711 --for 20s\n"
         "Example: rtsg serve hall.rlog --loop --rate 0.5 --upstream events --for 5s\n"
         "Example: rtsg serve hall.x3dv --web 8080 --upstream events --for 20s\n"

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <filesystem>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -12,6 +13,7 @@
 
 #include <rtsg/audio/live_sound.h>
 #include <rtsg/core/terminal.h>
+#include <rtsg/core/x3d.h>
 #include <rtsg/haptics/haptic_renderer.h>
 #include <rtsg/session/output_maker.h>
 #include <rtsg/session/view_recorder.h>
@@ -33,7 +35,6 @@ using Clock = std::chrono::steady_clock;
 using std::chrono::milliseconds;
 
 constexpr double kFramesPerSecond = 60;
-constexpr double kAnyAspect = 16. / 9;     // pictures take their own
 constexpr milliseconds kLongestWait{500};  // Ctrl-C is noticed then, and a file that was edited sooner
 constexpr double kStatusEvery = 0.1;       // seconds
 
@@ -46,7 +47,7 @@ Kind kindOf(const std::string& name) {
 }
 
 struct ViewSourceArguments {
-    std::string name, key, author, patience = "5s";
+    std::string name, key, author, patience;  // empty: the window stays when the server is gone
     std::vector<std::string> set;
     bool reload = false;
     ResourceArguments resources;
@@ -54,20 +55,62 @@ struct ViewSourceArguments {
     NetworkArguments network;
 
     /// Throws UsageError.
-    ViewSourceOptions options() const {
+    ViewSourceOptions options(const SessionContext& context) const {
         ViewSourceOptions options;
         options.kind = kindOf(name);
         options.name = name, options.key = key, options.author = author;
-        if (options.kind == Kind::served) options.patience = parseSeconds(patience);
+        options.endsWithServer = !patience.empty();
+        if (options.kind == Kind::served && options.endsWithServer) options.patience = parseSeconds(patience);
         options.set = set, options.reload = reload;
         ResourceArguments opened = resources;
         opened.inBackground = options.kind == Kind::scene;  // a window does not stand still while something comes
         options.resources = options.kind == Kind::scene ? opened.ofFile(name) : opened.ofReplica();
         if (options.kind == Kind::scene) options.start = start.options();
         options.addresses = network.dis;
-        options.context = programContext();
+        options.context = context;
         return options;
     }
+};
+
+/// What a session says goes to the terminal, and into the window.
+class WindowNotices final : public Notices {
+  public:
+    void report(const Diagnostic& diagnostic) override {
+        terminal_.report(diagnostic);
+        keep(diagnostic);
+    }
+    void report(const Diagnostics& diagnostics, std::string_view known) override {
+        terminal_.report(diagnostics, known);
+        for (const Diagnostic& one : diagnostics.all())
+            if (one.text != known) keep(one);
+    }
+    void note(std::string_view text) override {
+        terminal_.note(text);
+        keep({Severity::note, {}, {}, std::string(text)});
+    }
+    std::function<void(std::uint64_t, std::uint64_t)> progress(const std::string& work) override {
+        return terminal_.progress(work);
+    }
+    bool interrupted() const override { return terminal_.interrupted(); }
+    void leftOut() override { terminal_.leftOut(); }
+    void damaged(const std::string& file, std::size_t errors) override { terminal_.damaged(file, errors); }
+
+    /// What has been said since the last call.
+    std::vector<Diagnostic> take() {
+        const std::scoped_lock lock(mutex_);
+        return std::exchange(said_, {});
+    }
+
+  private:
+    void keep(const Diagnostic& diagnostic) {
+        const std::scoped_lock lock(mutex_);
+        if (said_.size() < kMaxSaid) said_.push_back(diagnostic);
+    }
+    static constexpr std::size_t kMaxSaid = 500;
+
+    const SessionContext& terminal_ = programContext();
+    std::mutex mutex_;
+    std::vector<Diagnostic> said_;
 };
 
 struct ViewArguments {
@@ -75,7 +118,7 @@ struct ViewArguments {
     PictureArguments picture;
     std::string duration, screenshot, device, touch, renderer = "light";
     double fps = 30;
-    bool fullscreen = false, mute = false, overlay = false, force = false, json = false;
+    bool fullscreen = false, mute = false, overlay = false, noBar = false, force = false, json = false;
 };
 
 /// Throws UsageError.
@@ -109,11 +152,12 @@ class Viewing {
         if (!options_.screenshot.empty() && !options_.force && std::filesystem::exists(options_.screenshot))
             return printError(fmt::format("{}: there is a file already; --force replaces it", options_.screenshot)),
                    kBad;
-        auto source = refusingUsage(openViewSource(shown_.options()));
+        auto source = refusingUsage(openViewSource(shown_.options(context_)));
         if (!source) return printError(source.error()), kBad;
         source_ = std::move(*source);
         for (;;) {
             if (auto ok = open(); !ok) return printError(ok.error()), kBad;
+            lookFirst();
             listen();
             if (auto ok = touch(); !ok) return printError(ok.error()), kBad;
             loop();
@@ -135,7 +179,9 @@ class Viewing {
         options.picture.resources = source_->resources();
         options.picture.prepare = [](Renderer& renderer) { return extensions().registerWith(renderer); };
         if (options.picture.settings.integrator == Integrator::path) options.picture.maxSamples = 1 << 14;
-        options.overlay = overlay_;
+        options.overlay = overlay_, options.bar = bar_;
+        if (kindOf(shown_.name) != Kind::served && !isWebAddress(shown_.name))
+            options.folder = std::filesystem::path(shown_.name).parent_path().string();
         options.look = [this](NodeId viewpoint) { return source_->look(viewpoint); };
         options.change = [this](NodeId node, FieldIndex field, Value value) {
             return source_->change(node, field, std::move(value));
@@ -153,8 +199,18 @@ class Viewing {
         sound_.reset();
         touch_.reset();
         source_->wakeBy({});
-        overlay_ = window_->showsOverlay();
+        overlay_ = window_->showsOverlay(), bar_ = window_->showsBar();
+        settings_.integrator = window_->integrator();
         window_.reset();
+    }
+    /// The viewpoint that an Anchor names in the file that it leads to.
+    void lookFirst() {
+        const std::string name = std::exchange(firstView_, {});
+        if (name.empty()) return;
+        const NodeId view = source_->scene().findName(name);
+        const Result<> done =
+            view ? source_->look(view) : Result<>(fail("there is no viewpoint " + name, {}, shown_.name));
+        if (!done) context_.report(done.error());
     }
 
     /// Without a device there are pictures all the same.
@@ -165,10 +221,9 @@ class Viewing {
         live.render.resources = source_->resources();
         live.device = options_.device;
         auto sound = LiveSound::start(source_->world(), live);
-        if (sound)
-            sound_ = std::move(*sound);
-        else
-            reportError("note: no sound: {}\n", terminalText(sound.error().text));
+        if (!sound) return context_.note("note: no sound: " + sound.error().text);
+        sound_ = std::move(*sound);
+        sound_->setVolume(volume_);
     }
     /// Lets the hand that --touch names feel the shown scene.
     Result<> touch() {
@@ -203,16 +258,18 @@ class Viewing {
         for (;;) {
             const double t = clock() - begun;
             if (interrupted() || clock() >= duration_) return;
+            answer();
             if (opensNext()) return;
             const bool acts = std::exchange(events, window_->statistics().events) != window_->statistics().events;
-            answer();
             time_ = t;
-            if (!source_->advance(t, acts)) return;
+            if (!source_->advance(t, acts || std::exchange(hasAsked_, false))) return;
             ++frames_;
             if (sound_ && source_->takesEvents()) sound_->sendEvents();
             if (touch_) feel();
             say();
-            window_->lookFrom(source_->eye(kAnyAspect));
+            const auto [width, height] = window_->size();
+            window_->lookFrom(source_->eye(static_cast<double>(width) / height));
+            choose();
             report();
             // The next frame is due a sixtieth after the last one, or when something happens.
             due = std::max(due + 1 / kFramesPerSecond, t);
@@ -245,11 +302,77 @@ class Viewing {
                     done = source_->answer(request);
                     if (done) window_->setPaused(true);
                     break;
+                case Kind::open:
+                    wanted_ = named(request.field);
+                    break;
+                case Kind::back:
+                    goBack();
+                    break;
+                case Kind::anchor:
+                    follow(request.node);
+                    break;
+                case Kind::volume:
+                    volume_ = request.number;
+                    if (sound_) sound_->setVolume(volume_);
+                    break;
                 default:
                     done = source_->answer(request);
+                    hasAsked_ = true;
             }
-            if (!done) reportError("note: {}\n", terminalText(done.error().text));
+            if (!done) context_.note("note: " + done.error().text);
         }
+    }
+
+    /// What the bar shows.
+    void choose() {
+        SceneWindowChoices choices;
+        source_->describe(choices);
+        if (sound_) choices.volume = volume_;
+        choices.canGoBack = !history_.empty();
+        choices.writesLog = recorder_.writesLog(), choices.writesFilm = recorder_.writesFilm();
+        window_->setChoices(std::move(choices));
+    }
+
+    // ---- other scenes --------------------------------------------------------------------------------------------
+    /// The same options with another scene.
+    ViewSourceArguments named(const std::string& name) const {
+        ViewSourceArguments next = shown_;
+        next.name = name;
+        next.set.clear();
+        next.reload = options_.source.reload && kindOf(name) == Kind::scene;
+        return next;
+    }
+    void goBack() {
+        if (history_.empty()) return context_.note("note: there was no scene before");
+        wanted_ = history_.back();
+        returns_ = true;
+    }
+    /// 9.4.1: the first of an Anchor's urls that leads somewhere.
+    void follow(NodeId id) {
+        using A = x3d::Anchor;
+        const Scene& scene = source_->scene();
+        const Node* anchor = scene.find(id);
+        if (!anchor || !anchor->is(A::type)) return;
+        const Array<String> urls = anchor->get(A::url);
+        for (const String& url : urls) {
+            if (url.view().starts_with('#')) return lookFrom(*anchor, url.str().substr(1));
+            auto opened = source_->resources().open(scene, *anchor, A::url.index, url.view());
+            if (!opened) {
+                context_.report({Severity::warning, {}, {}, "the Anchor leads nowhere: " + opened.error().text});
+                continue;
+            }
+            if (opened->path().empty()) continue;
+            wanted_ = named(opened->path().string());
+            firstView_ = opened->fragment();
+            return;
+        }
+    }
+    /// A viewpoint of this scene; one that runs here has bound it already.
+    void lookFrom(const Node& anchor, const std::string& name) {
+        if (kindOf(shown_.name) == Kind::scene) return;
+        const NodeId view = source_->scene().findName(name, anchor.scope());
+        const Result<> done = view ? source_->look(view) : Result<>(fail("there is no viewpoint " + name));
+        if (!done) context_.note("note: " + done.error().text);
     }
 
     /// The title, and the overlay's figures.
@@ -286,24 +409,36 @@ class Viewing {
 
     double clock() const { return std::chrono::duration<double>(Clock::now() - start_).count(); }
 
-    /// Opens a file that was dropped on the window. If that fails, the window goes on with the present scene.
+    /// Opens what was dropped on the window, chosen or linked. If that fails, the window goes on with the present
+    /// scene.
     bool opensNext() {
-        const std::vector<std::string> dropped = window_->takeDropped();
-        if (dropped.empty()) return false;
-        ViewSourceArguments next = shown_;
-        next.name = dropped.back();
-        next.set.clear();
-        next.reload = options_.source.reload && kindOf(next.name) == Kind::scene;
-        auto source = refusingUsage(openViewSource(next.options()));
-        if (!source) return printError(source.error()), false;
+        if (const std::vector<std::string> dropped = window_->takeDropped(); !dropped.empty())
+            wanted_ = named(dropped.back());
+        if (!wanted_) return false;
+        const ViewSourceArguments next = *std::exchange(wanted_, std::nullopt);
+        const bool returns = std::exchange(returns_, false);
+        ViewSourceOptions options = next.options(context_);
+        // Who asks for it again wants to see what can be read of it.
+        options.onlyWhole = !returns && refused_ != next.name;
+        auto source = openViewSource(options);
+        if (!source) {
+            refused_ = next.name;
+            firstView_.clear();
+            context_.report(source.error());
+            context_.note(
+                fmt::format("note: {} goes on; open {} again to see what can be read of it", shown_.name, next.name));
+            return false;
+        }
+        refused_.clear();
+        returns ? history_.pop_back() : history_.push_back(shown_);
         next_ = std::move(*source);
         shown_ = next;
         return true;
     }
 
     void say() {
-        const Diagnostics said = window_->takeDiagnostics();
-        for (const Diagnostic& d : said.all()) reportError("{}\n", terminalText(d.format()));
+        context_.report(window_->takeDiagnostics());
+        for (const Diagnostic& one : notices_.take()) window_->showMessage(one);
     }
 
     int finish() {
@@ -338,7 +473,9 @@ class Viewing {
     }
 
     const ViewArguments& options_;
-    const RenderSettings settings_;
+    WindowNotices notices_;
+    const SessionContext context_{&notices_, programContext().plugins};
+    RenderSettings settings_;
     const double duration_;
     const Clock::time_point start_ = Clock::now();
     ViewSourceArguments shown_;
@@ -346,8 +483,13 @@ class Viewing {
     std::unique_ptr<SceneWindow> window_;
     std::unique_ptr<LiveSound> sound_;
     std::unique_ptr<HapticRenderer> touch_;
-    ViewRecorder recorder_{programContext()};
-    bool overlay_ = options_.overlay, knowsOverlay_ = false;
+    ViewRecorder recorder_{context_};
+    bool overlay_ = options_.overlay, bar_ = !options_.noBar, knowsOverlay_ = false, hasAsked_ = false;
+    double volume_ = 1;
+    std::vector<ViewSourceArguments> history_;  // what was shown before
+    std::optional<ViewSourceArguments> wanted_;
+    bool returns_ = false;  // to what was shown before
+    std::string firstView_, refused_;
     std::string status_;
     double time_ = 0, reported_ = 0;
     std::uint64_t frames_ = 0;
@@ -380,9 +522,11 @@ Verb addView(Command& program) {
     command->addOption("--name", options->source.author,
                        "for an endpoint: author of pointer and key events at the origin");
     command->addOption("--key", options->source.key, "for an endpoint: file with the keys of this peer");
-    command->addOption("--wait", options->source.patience, "for an endpoint: give up after this long without a server")
-        ->preset();
+    command->addOption("--wait", options->source.patience,
+                       "for an endpoint: end when the server has left, or been silent for this long; without it the "
+                       "window stays, and looks for the server");
     command->addFlag("--fullscreen", options->fullscreen, "full screen; F11 switches it");
+    command->addFlag("--no-bar", options->noBar, "no bar at the top at first; F2 shows it");
     command->addFlag("--overlay", options->overlay, "show statistics, nodes and a log's time line; F1 switches it");
     command->addFlag("--reload,--watch", options->source.reload, "follow the scene's file whenever it has been edited");
     command->addOption("--touch", options->touch, "a hand that feels the scene: sim:FILE.csv, udp:PORT or spnav");
@@ -401,7 +545,8 @@ Verb addView(Command& program) {
         "Example: rtsg view hall.rlog\n"
         "Arrow keys and the dragged pointer walk or go round, as the scene's NavigationInfo says; PGUP and PGDN go "
         "from "
-        "viewpoint to viewpoint. Escape closes, F1 shows figures and nodes, F11 fills the screen, Ctrl+S writes a "
+        "viewpoint to viewpoint. The bar at the top has what one needs first, and ? lists the keys. Escape closes, F1 "
+        "shows figures and nodes, F11 fills the screen, Ctrl+S writes a "
         "picture, Ctrl+L a log, Ctrl+F a film, Ctrl+Space pauses; in a log Ctrl+LEFT and Ctrl+RIGHT go 5 s back and "
         "ahead. In a served scene and in a log the viewer is your own, "
         "and "

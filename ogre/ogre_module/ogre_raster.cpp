@@ -273,14 +273,14 @@ class OgreRaster final : public RasterModule {
         try {
             act();
         } catch (const Ogre::Exception& e) {
-            report(e.getDescription());
+            keepFirst(e.getDescription());
         } catch (const std::exception& e) {
-            report(e.what());
+            keepFirst(e.what());
         }
     }
 
     /// Keeps only the first error, because the others follow from it.
-    void report(const std::string& what) {
+    void keepFirst(const std::string& what) {
         if (problem_.empty()) problem_ = what;
     }
     void unlink(GpuObject& object) {
@@ -320,7 +320,7 @@ class OgreRaster final : public RasterModule {
                            glm::vec4(surroundings.fogType, surroundings.fogRange, surroundings.fogBegin, 0),
                            glm::vec4(surroundings.fogColor, 0), glm::vec4(surroundings.fogAlong, 0)});
         }
-        if (!library_->setTable(std::move(texels))) report("there are too many lights at too many places");
+        if (!library_->setTable(std::move(texels))) keepFirst("there are too many lights at too many places");
         for (auto& [id, item] : objects_) item.object->setRecord(recordOf(item.object->item().surroundings));
     }
 

@@ -3,6 +3,7 @@
     python3 -m rtsg FILE [--values]
 """
 import json
+import os
 import sys
 
 from . import Error, pure
@@ -38,6 +39,10 @@ if __name__ == "__main__":
     if len(sys.argv) < 2:
         sys.exit("usage: python3 -m rtsg FILE [--values]")
     try:
-        sys.exit(print_log(sys.argv[1], "--values" in sys.argv[2:]))
+        status = print_log(sys.argv[1], "--values" in sys.argv[2:])
+        sys.stdout.flush()
+        sys.exit(status)
     except Error as error:
         sys.exit(f"{error}")
+    except BrokenPipeError:  # whoever read has what it wanted; nothing more may be written, at the end either
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -858,6 +858,9 @@ class Scene:
     def __len__(self):
         return len(self._nodes)
 
+    def __iter__(self):
+        return iter(self.nodes())
+
     def __contains__(self, name):
         return self._find(name) is not None
 

@@ -230,7 +230,7 @@ py::tuple table(const Log& log, const std::vector<std::string>& paths, double fr
 py::dict summary(const Log& log) {
     const LogSummary s = take(unlocked([&] { return summariseLog(log.file()); }));
     py::dict all;
-    all["bytes"] = s.bytes, all["states"] = s.frames, all["keyframes"] = s.keyframes, all["inputs"] = s.inputs;
+    all["bytes"] = s.bytes, all["states"] = s.states, all["keyframes"] = s.keyframes, all["inputs"] = s.inputs;
     all["sessions"] = s.sessions, all["first_state"] = s.firstState, all["last_state"] = s.lastState;
     all["seconds"] = s.end - s.start, all["damaged"] = s.damaged, all["damaged_bytes"] = s.damagedBytes;
     all["gaps"] = s.gaps, all["missing_states"] = s.missingFrames, all["closed"] = s.closed;

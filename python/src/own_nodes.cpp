@@ -126,6 +126,10 @@ void define(SceneHandle& handle, const py::str& given, const py::dict& fields, c
     const SceneHandle::Within within(handle);
     const std::string name = nameFrom(given, "define()");
     if (scene.findType(name)) raise(DiagnosticCode("edit"), "there is a node type " + name + " already");
+    for (const std::string& abstract : implements)
+        if (!isAbstractType(abstract))
+            throw py::value_error(
+                fmt::format("{} implements {}: there is no abstract type of that name", name, abstract));
     auto type = std::make_shared<NodeType>();
     type->name = name;
     type->component = "Own";
@@ -196,7 +200,7 @@ void addOwnNodes(py::module_& module) {
         "cascade.now for every frame, None for not before a field is written. on_event(cascade, node, field, value) is "
         "called for each event that comes in. `implements`: all abstract types that it is of. `deterministic` promises "
         "that what they do follows from fields, events and the clock alone; else replicas of inputs play back their "
-        "calls. Raises Error where there is a type of that name.");
+        "calls. Raises Error where there is a type of that name, ValueError for what `implements` does not know.");
 }
 
 }  // namespace rtsg::python

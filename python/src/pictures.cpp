@@ -69,6 +69,17 @@ std::uint32_t layersNamed(const std::vector<std::string>& names) {
     return bits;
 }
 
+/// The option's value; a TypeError that names the option, what it is and what was given.
+template <class T>
+T optionOf(const std::string& name, const py::handle& value, std::string_view expected) {
+    try {
+        return py::cast<T>(value);
+    } catch (const py::cast_error&) {
+        throw py::type_error(
+            fmt::format("the option {} is {}, not {}", name, expected, py::cast<std::string>(py::repr(value))));
+    }
+}
+
 PictureRequest requestOf(const py::kwargs& options) {
     PictureRequest request;
     RenderSettings& settings = request.image.settings;
@@ -76,31 +87,36 @@ PictureRequest requestOf(const py::kwargs& options) {
     request.format = "rgb";
     for (const auto& [key, value] : options) {
         const auto name = py::cast<std::string>(key);
+        const auto given = [&, &value = value]<class T>(T& to, std::string_view expected) {
+            to = optionOf<T>(name, value, expected);
+        };
+        const auto word = [&, &value = value] { return optionOf<std::string>(name, value, "a text"); };
+        constexpr std::string_view kWhole = "a whole number", kNumber = "a number";
         if (name == "width")
-            settings.width = py::cast<int>(value);
+            given(settings.width, kWhole);
         else if (name == "height")
-            settings.height = py::cast<int>(value);
+            given(settings.height, kWhole);
         else if (name == "samples")
-            settings.samplesPerPixel = py::cast<int>(value);
+            given(settings.samplesPerPixel, kWhole);
         else if (name == "error")
-            settings.error = py::cast<float>(value);
+            given(settings.error, kNumber);
         else if (name == "seed")
-            settings.seed = py::cast<std::uint64_t>(value);
+            given(settings.seed, "a whole number from 0");
         else if (name == "threads")
-            settings.threads = py::cast<unsigned>(value);
+            given(settings.threads, "a whole number from 0");
         else if (name == "shutter")
-            settings.shutter = py::cast<float>(value);
+            given(settings.shutter, "a number from 0 to 1");
         else if (name == "viewpoint")
-            request.image.viewpoint = py::cast<std::string>(value);
+            request.image.viewpoint = word();
         else if (name == "panorama")
-            request.image.panorama = py::cast<bool>(value);
+            given(request.image.panorama, "True or False");
         else if (name == "shadows")
-            settings.shadows = shadowsNamed(py::cast<std::string>(value));
+            settings.shadows = shadowsNamed(word());
         else if (name == "integrator")
-            settings.integrator = choose<Integrator>(name, py::cast<std::string>(value),
-                                                     {{"whitted", Integrator::whitted}, {"path", Integrator::path}});
+            settings.integrator =
+                choose<Integrator>(name, word(), {{"whitted", Integrator::whitted}, {"path", Integrator::path}});
         else if (name == "format")
-            request.format = py::cast<std::string>(value);
+            request.format = word();
         else
             throw py::type_error("render() has no option " + name);
     }

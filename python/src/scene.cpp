@@ -370,7 +370,9 @@ void addReading(SceneClass& scene) {
         .def("save", save, py::arg("path"), py::arg("replace") = true,
              "Writes the scene: .x3d, .x3dv, .wrl, .json, each with .gz if wanted, or .rtsgb.")
         .def("__repr__", describe)
-        .attr("__iter__") = py::none();  // items are nodes, by name
+        .def(
+            "__iter__", [](const py::object& self) { return py::iter(nodes(self, "")); },
+            "Over all nodes that there are now, in the order of their numbers.");
 }
 
 void addEditing(SceneClass& scene) {

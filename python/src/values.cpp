@@ -189,7 +189,7 @@ namespace {
 bool suits(FieldType type, char kind) {
     switch (sf(type)) {
         case FieldType::SFBool:
-            return kind == 'b';
+            return kind == 'b' || kind == 'i' || kind == 'u';  // 0 and 1 alone: checkRange()
         case FieldType::SFInt32:
             return kind == 'i' || kind == 'u';
         default:
@@ -198,6 +198,11 @@ bool suits(FieldType type, char kind) {
 }
 
 void checkRange(FieldType type, const py::array& array, std::string_view what) {
+    if (sf(type) == FieldType::SFBool && array.size() > 0 && array.dtype().kind() != 'b') {
+        if (py::cast<bool>(array.attr("max")().attr("__gt__")(1)) ||
+            py::cast<bool>(array.attr("min")().attr("__lt__")(0)))
+            throw py::value_error(fmt::format("{} is {}: expected True or False, or 1 or 0", what, info(type).name));
+    }
     if (sf(type) != FieldType::SFInt32 || array.size() == 0 || array.itemsize() < 4) return;
     const auto minimum = array.attr("min")(), maximum = array.attr("max")();
     if (py::cast<bool>(maximum.attr("__gt__")(std::numeric_limits<std::int32_t>::max())) ||

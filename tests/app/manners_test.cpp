@@ -406,7 +406,7 @@ TEST_F(Manners, AnErrorThatIsNotReachedIsAMissingPart) {
         if (status == 0) {
             EXPECT_EQ(outcome.err, "");
         } else {
-            EXPECT_THAT(outcome.err, HasSubstr("error: missing: the error 0.05 in "));
+            EXPECT_THAT(outcome.err, HasSubstr("error: missing: the error 0.05: it is "));
         }
         const Outcome run = rtsg({"run", name, "--for", ".1s", "--render", folder / "b.png", "--size", "16x16",
                                   "--error", ".05", "--spp", samples});

@@ -2,6 +2,8 @@
 #include "program.h"
 
 #include <algorithm>
+#include <cmath>
+#include <sstream>
 
 #include <gmock/gmock.h>
 #include <nlohmann/json.hpp>
@@ -51,6 +53,84 @@ TEST_F(Wanderer, StopsBeforeTheWallThatRaysFind) {
     EXPECT_NEAR(half->at("value").at(2).get<double>(), 6, 1e-4) << "2 m/s for 2 s";
     EXPECT_NEAR(positions.back().at("value").at(1).get<double>(), 1.6, 1e-4);
     EXPECT_NEAR(positions.back().at("value").at(2).get<double>(), .25, 1e-4);
+}
+
+/// 23.4.4: the avatar's radius holds beside a pole of 4 cm, wherever it stands, and on the way round it.
+TEST_F(Wanderer, KeepsItsRadiusFromAThinPole) {
+    for (const double aside : {-.2, -.12, -.06, 0., .03, .06, .12, .18}) {
+        const std::string pole = folder / "pole.x3dv";
+        std::ostringstream text;
+        text << R"(#X3D V4.0 utf8
+PROFILE Full
+DEF SENSOR ProximitySensor { size 1e5 1e5 1e5 }
+NavigationInfo { type "WALK" avatarSize [ 0.25 1.6 0.75 ] }
+Viewpoint { position 0 1.6 5 }
+Transform { translation 0 -0.05 0 children Shape { geometry Box { size 50 0.1 50 } } }
+Transform { translation )"
+             << aside << " 1 0 children Shape { geometry Box { size 0.04 4 0.04 } } }\n";
+        writeFile(pole, text.str());
+        const Outcome outcome =
+            with({"run", pole, "--for", "10s", "--fps", "20", "--watch", "SENSOR.position_changed"});
+        ASSERT_EQ(outcome.status, 0) << outcome.err;
+        std::istringstream lines(outcome.out);
+        double nearest = INFINITY;
+        for (std::string line; std::getline(lines, line);) {
+            const json position = json::parse(line).at("value");
+            const double x = std::max(0., std::abs(position.at(0).get<double>() - aside) - .02);
+            const double z = std::max(0., std::abs(position.at(2).get<double>()) - .02);
+            nearest = std::min(nearest, std::hypot(x, z));
+        }
+        EXPECT_GT(nearest, .25 - 1e-4) << aside;
+        EXPECT_LT(nearest, .3) << "it was met: " << aside;
+    }
+}
+
+/// 61 degrees and more are too steep.
+TEST_F(Wanderer, ClimbsNoSlopeOfMoreThanSixtyDegrees) {
+    for (const double degrees : {50., 58., 62., 66., 71.}) {
+        const std::string slope = folder / "slope.x3dv";
+        const double rise = 6 * std::tan(degrees * M_PI / 180);
+        std::ostringstream text;
+        text << "#X3D V4.0 utf8\nPROFILE Full\nDEF SENSOR ProximitySensor { size 1e5 1e5 1e5 }\n"
+                "NavigationInfo { type \"WALK\" }\nViewpoint { position 0 1.6 4 }\n"
+                "Shape { geometry IndexedFaceSet { solid FALSE coord Coordinate { point [ -9 0 9, 9 0 9, 9 0 0, -9 0 "
+                "0, 9 "
+             << rise << " -6, -9 " << rise << " -6 ] } coordIndex [ 0 1 2 3 -1 3 2 4 5 -1 ] } }\n";
+        writeFile(slope, text.str());
+        const Outcome outcome =
+            with({"run", slope, "--for", "9s", "--fps", "30", "--watch", "SENSOR.position_changed"});
+        ASSERT_EQ(outcome.status, 0) << outcome.err;
+        std::istringstream lines(outcome.out);
+        double highest = 0;
+        for (std::string line; std::getline(lines, line);)
+            highest = std::max(highest, json::parse(line).at("value").at(1).get<double>());
+        if (degrees < 60)
+            EXPECT_GT(highest, 3) << degrees;
+        else
+            EXPECT_LT(highest, 1.6 + .8 + .1) << degrees;
+    }
+}
+
+/// The wheel shows the box larger, though the eye comes no nearer.
+TEST_F(Wanderer, EnlargesAParallelViewByTheWheel) {
+    const std::string ortho = folder / "ortho.x3dv", box = folder / "box.x3dv";
+    const std::string shape =
+        "Shape { appearance Appearance { material UnlitMaterial { emissiveColor 1 0 0 } } geometry "
+        "Box { size 2 2 8 } }\n";
+    const std::string head = "#X3D V4.0 utf8\nPROFILE Full\nNavigationInfo { type \"EXAMINE\" }\n";
+    writeFile(ortho, head + "OrthoViewpoint { fieldOfView [ -4 -4 4 4 ] }\n" + shape);
+    writeFile(box, head + "OrthoViewpoint { fieldOfView [ -2.36196 -2.36196 2.36196 2.36196 ] }\n" + shape);
+    const auto render = [&](const std::string& scene, const std::string& out, std::vector<std::string> more) {
+        std::vector<std::string> arguments{"render", scene, "-o", out, "--size", "64x48", "--time", "1s"};
+        arguments.insert(arguments.end(), more.begin(), more.end());
+        const Outcome outcome = rtsg(arguments);
+        EXPECT_EQ(outcome.status, 0) << outcome.err;
+        return readFile(out);
+    };
+    const std::string still = render(ortho, folder / "still.png", {});
+    const std::string near = render(ortho, folder / "near.png", {"--set", "wheel=0 -5@0.2"});
+    EXPECT_NE(still, near);
+    EXPECT_EQ(near, render(box, folder / "like.png", {})) << ".9 to the fifth of the field of view";
 }
 
 TEST_F(Wanderer, PicturesAreFromThere) {

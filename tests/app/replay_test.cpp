@@ -41,6 +41,33 @@ TEST_F(Replay, VerifiesEveryState) {
     EXPECT_EQ(report.at("hash"), recorded.at("hash"));
 }
 
+/// One log has one number of states, whoever is asked, in whichever mode it was recorded.
+TEST_F(Replay, AllVerbsCountTheSameStates) {
+    writeFile(folder / "a.x3dv", scene());
+    using Words = std::vector<std::string>;
+    for (const Words& mode : {Words{},
+                              {"--inputs"},
+                              {"--mode", "input"},
+                              {"--mode", "lossy"},
+                              {"--coding", "compact"},
+                              {"--set", "PATH.set_fraction=0.3@0.33"}}) {
+        SCOPED_TRACE(testing::PrintToString(mode));
+        Words words{"record", folder / "a.x3dv", "-o", log, "--for", "1s", "--fps", "20", "--force", "--json"};
+        words.insert(words.end(), mode.begin(), mode.end());
+        const Outcome created = rtsg(words), reported = rtsg({"info", log, "--json"}),
+                      played = rtsg({"replay", log, "--json"});
+        ASSERT_EQ(created.status, 0) << created.err;
+        ASSERT_EQ(reported.status, 0) << reported.err;
+        ASSERT_EQ(played.status, 0) << played.err;
+        const auto states = json::parse(created.out).at("states").get<int>();
+        EXPECT_GT(states, 20);
+        EXPECT_EQ(json::parse(reported.out).at("states"), states);
+        EXPECT_EQ(json::parse(played.out).at("frames"), states);
+        EXPECT_THAT(rtsg({"info", log}).out, HasSubstr("states     " + std::to_string(states) + ","));
+        EXPECT_THAT(rtsg({"replay", log}).out, HasSubstr(std::to_string(states) + " states to "));
+    }
+}
+
 TEST_F(Replay, FindsAFlippedByteWhereverItIs) {
     record(log, scene());
     const std::string bytes = readFile(log);

@@ -554,6 +554,48 @@ TEST_F(Mirror, ARotatedLogGrowsOntoNoOther) {
     EXPECT_EQ(rtsg({"replay", log}).err, "");
 }
 
+/// What a service manager starts again and again: the same words, whether there is a log or not.
+TEST_F(Mirror, OneCommandBeginsALogAndGoesOnWithItAfterEachCrash) {
+    const std::string log = folder / "unit.rlog";
+    const std::vector<std::string> words{"serve",  file,       "--bind", "tcp://127.0.0.1:*",
+                                         "--json", "--record", log,      "--resume-if-there"};
+    const auto summary = [&] { return json::parse(rtsg({"info", log, "--json"}).out, nullptr, false); };
+    std::uint64_t last = 0;
+    for (int start = 0; start < 3; ++start) {
+        Program one(words, streams());
+        ASSERT_NE(one.firstLine(), "");
+        const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+        for (auto now = summary(); now.is_discarded() || now.at("last_state") < last + 5; now = summary())
+            ASSERT_LT(std::chrono::steady_clock::now(), end) << one.said();
+        one.signal(SIGKILL);
+        (void)one.wait();
+        EXPECT_EQ(one.said().find("going on at state") != std::string::npos, start > 0) << one.said();
+        last = summary().at("last_state");
+    }
+    auto ended = words;
+    ended.insert(ended.end(), {"--for", "0.2s"});
+    EXPECT_EQ(rtsg(ended).status, 0);
+    EXPECT_EQ(summary().at("sessions"), 1) << "the same one all the time";
+    EXPECT_EQ(summary().at("gaps"), 0);
+    EXPECT_GT(summary().at("last_state"), last);
+    EXPECT_EQ(rtsg({"replay", log, "--verify"}).status, 0);
+    // What was cut before its first state holds nothing; what is no log is left alone.
+    writeFile(log, "");
+    EXPECT_EQ(rtsg(ended).status, 0);
+    EXPECT_GT(summary().at("states"), 1);
+    writeFile(log, "my notes");
+    EXPECT_EQ(rtsg(ended).status, 1);
+    EXPECT_EQ(readFile(log), "my notes");
+    for (const std::vector<std::string>& more : std::vector<std::vector<std::string>>{
+             {"--force"}, {"--at", "3s"}, {"--reload"}, {"--mode", "lossy"}, {"--resume", log}}) {
+        auto wrong = ended;
+        wrong.insert(wrong.end(), more.begin(), more.end());
+        EXPECT_EQ(rtsg(wrong).status, 2) << more.front();
+    }
+    EXPECT_EQ(rtsg({"serve", file, "--resume-if-there", "--for", "0.1s"}).status, 2);
+    EXPECT_EQ(rtsg({"serve", file, "--record", "nats://127.0.0.1:1/a", "--resume-if-there"}).status, 2);
+}
+
 TEST_F(Mirror, ResumingAsksForALogAndWritesNoOther) {
     EXPECT_EQ(rtsg({"serve"}).status, 2);
     EXPECT_EQ(rtsg({"serve", "--resume", folder / "none.rlog"}).status, 1);

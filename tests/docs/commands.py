@@ -53,6 +53,19 @@ def commands(program):
             yield f"rtsg {verb} --help", example
 
 
+def made_twice(program):
+    """Files that README's commands and those of getting started make, where who types one page after the other meets the first one's."""
+    made, twice = {}, []
+    for where, text in commands(program):
+        words = shlex.split(text, comments=True)[1:]
+        if not where.startswith(("README.md:", "docs/getting-started.md:")) or not words:
+            continue
+        files = {after for option, after in zip(words, words[1:]) if option in ("-o", "--save", "--record")} | ({words[2]} if words[0] == "convert" else set())
+        twice += [f"{where}: {text}\n  makes {file}, which {made[file]} has made" for file in files if file in made]
+        made.update(dict.fromkeys(files, where))
+    return twice
+
+
 def shortened(arguments):
     # A picture that is expected has its size.
     if "--expect-picture" in arguments:
@@ -107,7 +120,7 @@ def main():
     parser.add_argument("program")
     program = str(pathlib.Path(parser.parse_args().program).resolve())
     os.environ["SDL_VIDEODRIVER"] = "offscreen"  # windows
-    failed, ran, unused, known = [], 0, set(NOT_RUN), set()
+    failed, ran, unused, known = made_twice(program), 0, set(NOT_RUN), set()
     with tempfile.TemporaryDirectory() as scratch:
         folder = pathlib.Path(scratch) / "now"
         pristine = pathlib.Path(scratch) / "given"
@@ -123,6 +136,7 @@ def main():
             if made.returncode != 0:
                 sys.exit(f"rtsg {' '.join(given)}: {made.stderr}")
         shutil.copy(folder / "door.rlog", folder / "other.rlog")
+        shutil.copy(folder / "hall.rlog", folder / "visit.rlog")
         shutil.copytree(folder, pristine)
         page, scene = "", []
         for where, text in commands(program):

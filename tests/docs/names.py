@@ -3,7 +3,8 @@
 
 Looked for, in the comments of the sources and in the pages (the change log tells of what has been): files, in the tree under
 that path; options, in the program; words in backticks, calls such as name(), and words with a capital letter inside, in the
-code itself, comments left out. A plural counts as its singular; ELSEWHERE lists what belongs to others.
+code itself, comments left out. A plural counts as its singular; ELSEWHERE lists what belongs to others. Metrics that the files in
+examples/monitoring ask for are those that the program has, and some page leads to each of docs/.
 Exit status 1, a line for each that is not there.
 """
 import pathlib
@@ -108,6 +109,14 @@ def main():
                     continue
                 if not any(one.parts[-len(named.parts):] == named.parts for one in files):
                     faults.append(f"{path}:{number}: there is no file {name}")
+    health = (ROOT / "session/src/run/health.cpp").read_text()
+    for file in sorted((ROOT / "examples/monitoring").iterdir()):
+        for name in sorted(set(re.findall(r"\brtsg_\w+", file.read_text()))):
+            count += 1
+            if f'"{name.removesuffix("_bucket")}"' not in health:
+                faults.append(f"{file.relative_to(ROOT)}: there is no metric {name}")
+    pages = "\n".join(file.read_text() for file in (ROOT / "README.md", *(ROOT / "docs").glob("*.md")))
+    faults += [f"{page.relative_to(ROOT)}: no page leads there" for page in sorted((ROOT / "docs").glob("*.md")) if not re.search(rf"[(/]{page.name}[)#]", pages)]
     if faults:
         faults.append("What is somebody else's belongs into ELSEWHERE, in this script.")
     print("\n".join(dict.fromkeys(faults)) or f"{count} names, all of them there")

@@ -96,6 +96,25 @@ TEST(MetricsServer, AnswersWhatItHasAndRefusesTheRest) {
     EXPECT_EQ(created, 4);
 }
 
+TEST(MetricsServer, SaysWhetherTheProgramIsWell) {
+    std::string trouble;
+    const auto text = [] { return std::string("a 1\n"); };
+    const auto server = MetricsServer::start("0", false, text, [&] { return trouble; });
+    const auto plain = MetricsServer::start("0", false, text);
+    ASSERT_TRUE(server && plain);
+    const auto health = [](MetricsServer& of) {
+        return asked(of.address(), "GET /healthz HTTP/1.1\r\nHost: localhost\r\n\r\n");
+    };
+    for (MetricsServer* one : {server->get(), plain->get()}) {
+        const std::string answer = health(*one);
+        EXPECT_TRUE(answer.starts_with("HTTP/1.1 200 ") && answer.ends_with("\r\n\r\nok\n")) << answer;
+    }
+    trouble = "it hangs";
+    const std::string answer = health(**server);
+    EXPECT_TRUE(answer.starts_with("HTTP/1.1 503 ") && answer.ends_with("\r\n\r\nit hangs\n")) << answer;
+    EXPECT_TRUE(fetchMetrics((*server)->address())) << "what it measures is there all the same";
+}
+
 // A foreign name may lead to loopback, and pages of other sites may send requests there.
 TEST(MetricsServer, AnswersByItsOwnNamesAndNoPagesOfOthers) {
     int created = 0;

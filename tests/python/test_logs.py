@@ -34,7 +34,7 @@ def test_every_state_is_in_the_log(recorded, moving):
     log = rtsg.Log(recorded)
     report = log.verify()
     assert report["states"] == report["verified"] == moving.number and report["first_divergence"] is None
-    assert log.summary["closed"] and log.damage == [] and log.summary["seconds"] == 2
+    assert log.summary["states"] == report["states"] and log.summary["closed"] and log.damage == [] and log.summary["seconds"] == 2
     log.seek(2)
     assert log.at_end and log.scene.hash == moving.hash and log.time == 2
 

@@ -161,6 +161,10 @@ def test_what_cannot_be_defined(scene):
         scene.define("Transform", {})
     with pytest.raises(TypeError):
         scene.define("Other", {}, on_time=3)
+    with pytest.raises(ValueError, match="implements X3DTimeDependantNode"):
+        scene.define("Other", {}, implements=["X3DNode", "X3DTimeDependantNode"])
+    scene.define("Other", {}, implements=["X3DNode", "X3DChildNode", "X3DTimeDependentNode"])
+    assert scene.create("Other") in scene.nodes("X3DTimeDependentNode")
 
 
 def test_it_is_mirrored_and_logged_like_any_other(scene, tmp_path):

@@ -59,6 +59,12 @@ def test_options_that_are_wrong(hall):
         hall.render(integrator="ogre")
     with pytest.raises(ValueError, match="a layer is one of"):
         hall.render_layers(["dpeth"])
+    for name, value, said in (("width", 8.0, "a whole number, not 8.0"), ("samples", "4", "a whole number, not '4'"), ("seed", -1, "from 0, not -1"),
+                              ("panorama", "yes", "True or False, not 'yes'"), ("integrator", 3, "a text, not 3"), ("viewpoint", None, "a text, not None")):
+        with pytest.raises(TypeError, match=f"the option {name} is .*{said}"):
+            hall.render(**{name: value})
+        with pytest.raises(TypeError, match=f"the option {name} is .*{said}"):
+            hall.render_layers(["depth"], **{name: value})
     with pytest.raises(rtsg.Error):
         hall.render(width=0)
     with pytest.raises(rtsg.Error, match="NOBODY"):

@@ -3,6 +3,7 @@ import asyncio
 import ctypes
 import ctypes.util
 import json
+import os
 import pathlib
 import random
 import shutil
@@ -335,6 +336,7 @@ def alone(tmp_path):
 
     def run(*arguments):
         return subprocess.run([sys.executable, *arguments], capture_output=True, text=True, check=False, timeout=60, env={"PYTHONPATH": str(tmp_path / "alone")})
+    run.folder = tmp_path / "alone"
     return run
 
 
@@ -370,3 +372,14 @@ def test_a_log_is_printed_by_the_package(alone):
     done = alone("-m", "rtsg", CONFORMANCE / "scene.rlog", "--values")
     lines = [json.loads(line) for line in done.stdout.splitlines()]
     assert done.returncode == 0 and lines[0]["as_recorded"] and lines[-1]["frames"] == 1 and lines[-1]["values"], done.stderr
+
+
+def test_a_reader_that_has_had_enough_ends_the_printing_quietly(alone):
+    ours, theirs = os.pipe()
+    os.close(ours)  # `| head` has gone
+    try:
+        done = subprocess.run([sys.executable, "-m", "rtsg", CONFORMANCE / "scene.rlog", "--values"], stdout=theirs, stderr=subprocess.PIPE, check=False,
+                              env={"PYTHONPATH": str(alone.folder)})
+    finally:
+        os.close(theirs)
+    assert done.stderr == b""

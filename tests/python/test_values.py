@@ -1,5 +1,6 @@
 """Fields of every type as Python has them: without copies, read-only, from anything that is like an array."""
 import gc
+import math
 
 import numpy as np
 import pytest
@@ -134,6 +135,32 @@ def test_numbers_that_do_not_fit():
         with pytest.raises(TypeError):
             setattr(node, name, 1.5 if isinstance(good, int) else [1.5])
         assert np.array_equal(getattr(node, name), good)
+
+
+def test_bools_are_also_one_and_zero():
+    scene = rtsg.loads("#X3D V4.0 utf8\nPROFILE Full\nDEF L PointLight { } DEF T BooleanSequencer { }")
+    for given, value in ((0, False), (1, True), (np.int64(0), False), (np.True_, True)):
+        scene["L"].on = given
+        assert scene["L"].on is value
+    scene["T"].keyValue = [1, 0, 1]
+    assert scene["T"].keyValue.tolist() == [True, False, True]
+    for wrong, error in ((2, ValueError), (-1, ValueError), (1.0, TypeError), ("TRUE", TypeError)):
+        with pytest.raises(error, match="SFBool"):
+            scene["L"].on = wrong
+    with pytest.raises(ValueError, match="MFBool"):
+        scene["T"].keyValue = [0, 2]
+
+
+def test_numbers_that_are_none_are_kept_as_they_are():
+    """What a sensor gives may be no number: it is a value like any other, and the hash counts its bits."""
+    hashes = []
+    for _ in range(2):
+        scene = rtsg.loads("#X3D V4.0 utf8\nPROFILE Immersive\nDEF P Coordinate { }")
+        scene["P"].point = [[math.nan, math.inf, -math.inf]]
+        assert math.isnan(scene["P"].point[0, 0]) and scene["P"].point[0, 1:].tolist() == [math.inf, -math.inf]
+        scene.frame(0)
+        hashes.append(scene.hash)
+    assert hashes[0] == hashes[1]
 
 
 def test_texts_and_nodes():

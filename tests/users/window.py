@@ -6,8 +6,10 @@ import os
 import pathlib
 import re
 import shutil
+import struct
 import subprocess
 import sys
+import tempfile
 
 from harness import *
 
@@ -33,21 +35,23 @@ def display():
         if not shutil.which(tool):
             raise Skipped(f"{tool} is not installed")
     reader, writer = os.pipe()
-    server = subprocess.Popen(["Xvfb", "-displayfd", str(writer), "-screen", "0", "800x600x24", "-nolisten", "tcp"], pass_fds=[writer],
-                              stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    frames = tempfile.mkdtemp(prefix="rtsg-screen-")
+    server = subprocess.Popen(["Xvfb", "-displayfd", str(writer), "-screen", "0", "800x600x24", "-nolisten", "tcp", "-fbdir", frames],
+                              pass_fds=[writer], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     os.close(writer)
     try:
         with os.fdopen(reader) as number:
             name = ":" + number.readline().strip()
         check(name != ":", "Xvfb did not start")
-        before = {key: os.environ.get(key) for key in ("DISPLAY", "SDL_VIDEODRIVER")}
-        os.environ.update(DISPLAY=name, SDL_VIDEODRIVER="x11")
+        before = {key: os.environ.get(key) for key in ("DISPLAY", "SDL_VIDEODRIVER", "RTSG_TEST_FRAMES")}
+        os.environ.update(DISPLAY=name, SDL_VIDEODRIVER="x11", RTSG_TEST_FRAMES=frames)
         yield
         for key, value in before.items():
             os.environ.pop(key) if value is None else os.environ.__setitem__(key, value)
     finally:
         server.terminate()  # not killed: its lock would stay, and two that clear it away take the same number
         server.wait()
+        shutil.rmtree(frames, ignore_errors=True)
 
 
 def hand(*words):
@@ -70,7 +74,8 @@ def window_of(viewer):
 
 
 def view(user, what, *more):
-    return user.start("view", what, "--mute", "--json", "--size", "400x300", *more)
+    return user.start("view", what, "--mute", "--json", "--size", "400x300", *(() if "--bar" in more else ("--no-bar",)),
+                      *(word for word in more if word != "--bar"))
 
 
 def test_a_click_in_a_window_turns_what_is_served_elsewhere(user):
@@ -125,12 +130,17 @@ def test_a_session_is_gone_through(user):
 
 
 def picture_of_screen():
-    """Width, and the red, green and blue bytes of what is on the display now."""
-    if not shutil.which("import"):
-        raise Skipped("imagemagick is not installed")
-    shot = subprocess.run(["import", "-window", "root", "-depth", "8", "ppm:-"], capture_output=True, check=True).stdout
-    head, width, height, depth = re.match(rb"(P6)\s+(\d+)\s+(\d+)\s+(\d+)\s", shot).groups()
-    return int(width), shot[-3 * int(width) * int(height):]
+    """Width, and the red, green and blue bytes of what is on the display now: Xvfb keeps it in a file, as xwd writes them."""
+    dump = (pathlib.Path(os.environ["RTSG_TEST_FRAMES"]) / "Xvfb_screen0").read_bytes()
+    head = struct.unpack_from(">25I", dump)
+    size, width, height, row, colours = head[0], head[4], head[5], head[12], head[19]
+    begin = size + 12 * colours
+    pixels = bytearray(3 * width * height)
+    for y in range(height):
+        line = dump[begin + y * row:begin + y * row + 4 * width]
+        for channel in range(3):
+            pixels[3 * y * width + channel:3 * (y + 1) * width:3] = line[2 - channel::4]
+    return width, bytes(pixels)
 
 
 def is_shown(viewer):
@@ -376,11 +386,247 @@ def test_without_a_display_ogre_says_so(user):
         equal(viewer.wait(), 2, "shadows by OGRE are no use of it")
 
 
-def test_a_server_that_ends_or_is_lost_ends_the_window(user):
+def title_of(window):
+    return subprocess.run(["xdotool", "getwindowname", window], capture_output=True, text=True).stdout
+
+
+def test_a_window_outlives_its_server_and_finds_the_next(user):
+    user.path("spin.x3dv").write_text(TOUCH.replace("startTime -100", "loop TRUE"))
+    with display():
+        server, endpoint = user.serve("spin.x3dv", "--fps", "30")
+        viewer = view(user, endpoint)
+        window = window_of(viewer)
+        server.signal(signal.SIGKILL)
+        server.wait()
+        check(is_seen(lambda: "out of reach" in title_of(window)), f"the title says so: {title_of(window)!r}")
+        time.sleep(7)
+        check(viewer.process.poll() is None, f"the window is still there: {viewer.err!r}")
+        check("is out of reach" in viewer.err, f"the terminal says so: {viewer.err!r}")
+        server, endpoint = user.serve("spin.x3dv", "--fps", "30")
+        check(is_seen(lambda: "equal" in title_of(window)), f"it follows the next: {title_of(window)!r}")
+        check("is back" in viewer.err, f"and says so: {viewer.err!r}")
+        server.signal(signal.SIGINT)
+        server.wait()
+        check(is_seen(lambda: "ended" in title_of(window)), f"one that ends in order is named: {title_of(window)!r}")
+        hand("key", "Escape")
+        viewer.done()
+
+
+PARALLEL = """#X3D V4.0 utf8
+PROFILE Full
+NavigationInfo { type "EXAMINE" }
+OrthoViewpoint { position 0 0 10 fieldOfView [ -4 -4 4 4 ] }
+Shape { appearance Appearance { material UnlitMaterial { emissiveColor 1 0 0 } } geometry Box { size 2 2 8 } }
+Transform { translation 3 0 0 children Shape { appearance Appearance { material UnlitMaterial { emissiveColor 0 1 0 } } geometry Sphere { radius .5 } } }
+"""
+
+
+def red_columns():
+    """How many of the middle row's pixels are red."""
+    return sum(red > 180 and green < 80 for red, green, blue in row_of(150))
+
+
+def row_of(y):
+    width, pixels = picture_of_screen()
+    line = pixels[3 * y * width:3 * (y * width + 400)]
+    return [tuple(line[i:i + 3]) for i in range(0, len(line), 3)]
+
+
+def test_a_parallel_view_stays_parallel_and_the_wheel_enlarges_it(user):
+    user.path("ortho.x3dv").write_text(PARALLEL)
+    with display():
+        for served in (False, True):
+            if served:
+                server, what = user.serve("ortho.x3dv", "--fps", "30")
+            viewer = view(user, what if served else "ortho.x3dv")
+            window_of(viewer)
+            # 2 m of 8 in 300 pixels, whatever the depth; a perspective shows the front of the box larger.
+            check(is_seen(lambda: abs(red_columns() - 75) <= 3), f"at first: {red_columns()}")
+            hand("mousemove", 200, 150)
+            for _ in range(8):
+                hand("click", 4)
+            check(is_seen(lambda: abs(red_columns() - 75 / .9 ** 8) <= 6), f"larger by the wheel: {red_columns()}")
+            for _ in range(8):
+                hand("click", 5)
+            check(is_seen(lambda: abs(red_columns() - 75) <= 3), f"and as before: {red_columns()}")
+            hand("keydown", "Up")
+            time.sleep(.4)
+            hand("keyup", "Up")
+            time.sleep(.5)
+            check(abs(red_columns() - 75) <= 3, f"from above it is as wide: {red_columns()}")
+            hand("key", "Escape")
+            viewer.done()
+            if served:
+                server.signal(signal.SIGINT)
+                server.wait()
+
+
+def test_what_cannot_be_shown_is_said_in_the_terminal_and_the_window(user):
+    user.path("lack.x3dv").write_text(TOUCH.replace("material UnlitMaterial", 'texture ImageTexture { url "nothere.png" } material UnlitMaterial'))
+    is_yellow = lambda rows: any(red > 190 and 140 < green < 215 and blue < 140 for red, green, blue in colours_in(rows, range(20, 380)))
+    with display():
+        viewer = view(user, "lack.x3dv")
+        window_of(viewer)
+        check(is_seen(lambda: "ImageTexture shows no picture" in viewer.err), f"the terminal has it: {viewer.err!r}")
+        check(is_seen(lambda: is_yellow(range(255, 295))), "and the window")
+        hand("key", "F3")
+        check(is_seen(lambda: is_yellow(range(165, 290))), "the list has it")
+        hand("key", "Escape")  # closes the list, and then the window
+        hand("key", "Escape")
+        viewer.done()
+
+
+OTHER = """#X3D V4.0 utf8
+PROFILE Immersive
+NavigationInfo { type "NONE" }
+Viewpoint { position 0 0 6 }
+Shape { appearance Appearance { material UnlitMaterial { emissiveColor 0 0 1 } } geometry Box { size 3 3 3 } }
+"""
+
+
+def middle():
+    return row_of(150)[200]
+
+
+def test_an_anchor_opens_another_scene_and_there_is_a_way_back(user):
+    user.path("other.x3dv").write_text(OTHER)
+    user.path("first.x3dv").write_text(TOUCH.replace('DEF T Transform { children [', 'DEF T Anchor { url "other.x3dv" description "onwards" children ['))
+    with display():
+        viewer = view(user, "first.x3dv")
+        window = window_of(viewer)
+        check(is_seen(lambda: middle()[0] > 200), "the first is red")
+        hand("mousemove", 200, 150)
+        time.sleep(.5)
+        hand("click", 1)
+        check(is_seen(lambda: "other.x3dv" in title_of(window_of(viewer)) and middle()[2] > 200), f"the other is blue: {viewer.err!r}")
+        hand("key", "ctrl+BackSpace")
+        check(is_seen(lambda: "first.x3dv" in title_of(window_of(viewer)) and middle()[0] > 200), "and the first again")
+        hand("key", "Escape")
+        viewer.done()
+
+
+def test_a_file_with_errors_leaves_the_scene_that_is_there(user):
+    user.path("only").mkdir()
+    user.path("only/broken.x3dv").write_text(OTHER[:-20])
+    user.path("only/first.x3dv").write_text(TOUCH)
+    with display():
+        viewer = view(user, "only/first.x3dv")
+        window = window_of(viewer)
+        check(is_seen(lambda: middle()[0] > 200), "the first is red")
+        hand("key", "ctrl+o")
+        time.sleep(.7)
+        for y in range(30, 130, 6):  # its line in the list of files
+            hand("mousemove", 60, y, "click", 1)
+            time.sleep(.05)
+            if "broken.x3dv" in viewer.err:
+                break
+        check(is_seen(lambda: "is not opened" in viewer.err and "first.x3dv goes on" in viewer.err), f"it says why: {viewer.err!r}")
+        check(is_seen(lambda: middle()[0] > 200), "the first goes on")
+        check("first.x3dv" in title_of(window), title_of(window))
+        hand("key", "Escape")
+        viewer.done(1)
+
+
+TRAPPED = """#X3D V4.0 utf8
+PROFILE Full
+NavigationInfo { type "WALK" }
+Viewpoint { position 0 1.6 -0.1 }
+DEF PS ProximitySensor { size 1e5 1e5 1e5 }
+DEF S Script { eventIn SFVec3f at url "ecmascript:function at(v) { if (v.z < -3) print('outside'); }" }
+ROUTE PS.position_changed TO S.at
+Transform { translation 0 -0.05 0 children Shape { geometry Box { size 50 0.1 50 } } }
+Transform { translation 0 1 0 children Shape { geometry Box { size 10 4 0.6 } } }
+"""
+
+
+def test_one_gets_out_of_a_wall(user):
+    user.path("trapped.x3dv").write_text(TRAPPED)
+    with display():
+        viewer = view(user, "trapped.x3dv")
+        window_of(viewer)
+        hand("keydown", "Up")
+        time.sleep(1)
+        hand("keyup", "Up")
+        check("outside" not in viewer.out, "the wall holds")
+        hand("key", "F7")
+        time.sleep(.3)
+        hand("keydown", "Up")
+        check(is_seen(lambda: "outside" in viewer.out), f"the way out: {viewer.out!r} {viewer.err!r}")
+        hand("keyup", "Up")
+        hand("key", "Escape")
+        viewer.done()
+
+
+def test_keys_work_on_a_russian_keyboard(user):
+    user.path("touch.x3dv").write_text(TOUCH)
+    if not shutil.which("setxkbmap"):
+        raise Skipped("setxkbmap is not installed")
+    with display():
+        subprocess.run(["setxkbmap", "ru"], check=True)
+        viewer = view(user, "touch.x3dv")
+        window_of(viewer)
+        hand("keydown", 37, "keydown", 39, "keyup", 39, "keyup", 37)  # the keys Control and S by their numbers
+        check(is_seen(lambda: "picture written" in viewer.err), f"a picture: {viewer.err!r}")
+        check(is_whole_png(user.path("rtsg-1.png")), "it is there")
+        hand("key", "Escape")
+        viewer.done()
+
+
+def seconds_of(program):
+    """CPU time."""
+    fields = pathlib.Path(f"/proc/{program.process.pid}/stat").read_text().rsplit(")", 1)[1].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def test_a_hidden_window_draws_nothing(user):
+    user.path("spin.x3dv").write_text(TOUCH.replace("startTime -100", "loop TRUE"))
+    with display():
+        viewer = view(user, "spin.x3dv")
+        window = window_of(viewer)
+        hand("windowunmap", window)
+        time.sleep(1)
+        begun = seconds_of(viewer)
+        time.sleep(3)
+        hidden = seconds_of(viewer) - begun
+        hand("windowmap", window)
+        time.sleep(1)
+        begun = seconds_of(viewer)
+        time.sleep(3)
+        seen = seconds_of(viewer) - begun
+        check(hidden < seen / 3, f"hidden {hidden:.2f} s, seen {seen:.2f} s of the processor in 3 s")
+        hand("key", "Escape")
+        viewer.wait()
+
+
+def test_the_bar_chooses_how_one_moves(user):
+    user.path("touch.x3dv").write_text(TOUCH)
+    with display():
+        viewer = view(user, "touch.x3dv", "--bar")
+        window_of(viewer)
+        edge = lambda: max(row_of(1)[390])
+        check(is_seen(lambda: 10 < edge() < 60 and middle()[0] > 200), "there is a bar over the picture")
+        hand("key", "question")
+        check(is_seen(lambda: middle()[0] < 150), "a list of keys over the picture")
+        hand("key", "question")
+        check(is_seen(lambda: middle()[0] > 200), "and the same key hides it")
+        for x in range(6, 400, 12):  # along the bar, all that it has but its end
+            for y in (14, 38, 62):
+                if "picture written" not in viewer.err:
+                    hand("mousemove", x, y, "click", 1)
+                    time.sleep(.15)
+        check(is_seen(lambda: "picture written" in viewer.err), f"a button of the bar writes a picture: {viewer.err!r}")
+        hand("key", "F2")
+        check(is_seen(lambda: edge() < 5), "a key hides the bar")
+        hand("key", "Escape")
+        hand("key", "Escape")
+        viewer.done()
+
+
+def test_a_server_that_ends_or_is_lost_ends_the_window_of_a_script(user):
     user.path("spin.x3dv").write_text(TOUCH.replace("startTime -100", "loop TRUE"))
     with nobody_looks():
         server, endpoint = user.serve("spin.x3dv", "--fps", "30")
-        viewer = view(user, endpoint, "--screenshot", "last.png")
+        viewer = view(user, endpoint, "--wait", "60s", "--screenshot", "last.png")
         time.sleep(2)
         server.signal(signal.SIGINT)
         server.wait()

@@ -25,6 +25,7 @@ struct Reported {
     }
     OverlayContent content() {
         OverlayContent all;
+        maker->fillViewpoints(all);
         maker->fill(all);
         return all;
     }

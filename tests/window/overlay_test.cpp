@@ -25,6 +25,7 @@ struct Screen {
 
 OverlayContent content() {
     OverlayContent all;
+    all.hasDetails = true;
     all.lines = {{"triangles", "1234", false, {}}, {"hash", "not the origin's", true, {}}};
     all.frameTimes = {30, 33, 70};
     all.budget = 33;
@@ -138,6 +139,125 @@ TEST(Overlays, APointerThatWasPressedInThePictureIsTheScenes) {
     EXPECT_TRUE(shown.overlay.pointer(40, 40, false));
     EXPECT_TRUE(shown.overlay.wheel(1));
     EXPECT_TRUE(shown.overlay.takeActions().empty());
+}
+
+OverlayContent everybodys() {
+    OverlayContent all;
+    all.bar = OverlayContent::Bar{"WALK", "whitted", true, false, 2, .5, true, false, false};
+    all.viewpoints = {{11, "Door", true}, {12, "Roof", false}};
+    return all;
+}
+/// The actions of clicks along the bar.
+std::vector<OverlayAction> clicksAlong(Shown& shown, int y = 14) {
+    std::vector<OverlayAction> all;
+    for (int x = 2; x < kAcross; x += 5)
+        for (const OverlayAction& action : shown.click(x, y)) all.push_back(action);
+    return all;
+}
+
+TEST(Overlays, TheBarOffersWhatOneNeedsFirst) {
+    Shown shown(everybodys());
+    EXPECT_TRUE(shown.screen.isTouched(kAcross / 2, 4));
+    EXPECT_FALSE(shown.screen.isTouched(kAcross / 2, 120)) << "it is thin";
+    std::vector<OverlayAction> all = clicksAlong(shown);
+    for (const OverlayAction& action : clicksAlong(shown, 40)) all.push_back(action);  // its second row
+    for (const Kind kind :
+         {Kind::files, Kind::back, Kind::walls, Kind::ground, Kind::speed, Kind::viewAll, Kind::straighten,
+          Kind::volume, Kind::screenshot, Kind::log, Kind::film, Kind::details, Kind::keys, Kind::hideBar})
+        EXPECT_TRUE(has(all, kind, 0)) << static_cast<int>(kind);
+    EXPECT_FALSE(shown.overlay.pointer(kAcross / 2, 300, false)) << "the picture below is the scene's";
+}
+
+TEST(Overlays, MenusOpenBelowTheBarAndClose) {
+    Shown shown(everybodys());
+    std::vector<OverlayAction> chosen;
+    for (int x = 2; x < kAcross; x += 9) {
+        (void)shown.click(x, 14);
+        for (int y = 60; y < 220; y += 5)
+            for (const OverlayAction& action : shown.click(x + 4, y)) chosen.push_back(action);
+    }
+    EXPECT_TRUE(has(chosen, Kind::viewpoint, 12));
+    const auto named = [&](Kind kind, const char* name) {
+        return std::ranges::any_of(chosen, [&](const auto& a) { return a.kind == kind && a.name == name; });
+    };
+    EXPECT_TRUE(named(Kind::navigation, "FLY"));
+    EXPECT_TRUE(named(Kind::pictures, "path"));
+    (void)shown.click(kAcross / 2, 500);
+    EXPECT_FALSE(shown.overlay.pointer(kAcross / 2, 100, false)) << "a click in the picture closes a menu";
+}
+
+TEST(Overlays, MessagesKeysAndFilesAreListed) {
+    OverlayContent all = everybodys();
+    using Level = OverlayContent::Message::Level;
+    all.messages = {{Level::note, "log begun"}, {Level::error, "nothere.png: no such file"}};
+    all.messageCount = 2;
+    Shown line(all);
+    EXPECT_TRUE(line.screen.isTouched(30, kDown - 20));
+    EXPECT_FALSE(line.screen.isTouched(30, kDown - 150));
+    auto clicks = [](Shown& shown, int from) {
+        std::vector<OverlayAction> found;
+        for (int y = from; y < kDown; y += 5)
+            for (int x = 10; x < 300; x += 8)
+                for (const OverlayAction& action : shown.click(x, y)) found.push_back(action);
+        return found;
+    };
+    EXPECT_TRUE(has(clicks(line, kDown - 45), Kind::messages, 0));
+    all.listsMessages = true;
+    Shown list(all);
+    const auto there = clicks(list, kDown - 130);
+    EXPECT_TRUE(has(there, Kind::copy, 0));
+    EXPECT_TRUE(has(there, Kind::forget, 0));
+    all.keys = {{"F1", "figures", false, {}}};
+    EXPECT_FALSE(Shown(all).screen.pixels == list.screen.pixels);
+    all.keys.clear();
+    all.files = OverlayContent::Files{"/home", {{"..", true}, {"hall.x3dv", false}}};
+    Shown files(all);
+    std::vector<OverlayAction> entries = files.clicksDown(40, 40, 200);
+    EXPECT_TRUE(std::ranges::any_of(entries, [](const auto& a) { return a.kind == Kind::folder && a.name == ".."; }));
+    EXPECT_TRUE(
+        std::ranges::any_of(entries, [](const auto& a) { return a.kind == Kind::file && a.name == "hall.x3dv"; }));
+}
+
+TEST(Overlays, ATipStandsBesideThePointer) {
+    OverlayContent all;
+    all.tip = "opens the door";
+    Shown shown(all);
+    (void)shown.overlay.pointer(300, 200, false);
+    Screen screen;
+    shown.overlay.paint(screen.rows());
+    EXPECT_TRUE(screen.isTouched(330, 230));
+    EXPECT_FALSE(screen.isTouched(290, 190));
+}
+
+TEST(Overlays, RightToLeftLettersStandFromTheRight) {
+    EXPECT_EQ(visual("plain (12)"), "plain (12)");
+    EXPECT_EQ(visual("שלום"), "םולש");
+    EXPECT_EQ(visual("Gate / שלום עולם 12 x"), "Gate / םלוע םולש 12 x");
+    EXPECT_EQ(visual("א12ב(ג"), "ג)ב12א");
+    EXPECT_EQ(visual("שָׁל"), "לשָׁ") << "marks stay with their letter";
+    EXPECT_EQ(visual("\xD7"), "\xD7") << "half a letter";
+    OverlayContent hebrew = everybodys(), unknown = everybodys();
+    hebrew.hasDetails = unknown.hasDetails = true;
+    hebrew.viewpoints[0].name = "שלום", unknown.viewpoints[0].name = "????";
+    EXPECT_FALSE(Shown(hebrew).screen.pixels == Shown(unknown).screen.pixels);
+    // Letters for which there is perhaps no font are drawn all the same.
+    hebrew.viewpoints[0].name = "正面から";
+    EXPECT_TRUE(Shown(hebrew).screen.isTouched(40, 60));
+}
+
+TEST(Overlays, OnAFineDisplayAllIsLarger) {
+    const auto rows = [](float scale) {
+        Overlay overlay(scale);
+        OverlayContent all = everybodys();
+        all.bar->pictures.clear(), all.bar->volume.reset(), all.bar->navigation.clear();
+        overlay.set(std::make_shared<const OverlayContent>(all));
+        Screen screen;
+        for (int i = 0; i < 3; ++i) overlay.paint(screen.rows());
+        int last = 0;
+        while (screen.isTouched(kAcross / 2, last)) ++last;
+        return last;
+    };
+    EXPECT_GT(rows(2), 1.6 * rows(1));
 }
 
 TEST(Overlays, ASmallWindowAndNoContentAreDrawn) {

@@ -70,6 +70,50 @@ TEST(OwnEyes, WallsOfTheOtherSceneStopIt) {
     EXPECT_NEAR(camera->position.y, 1.6, .1);
 }
 
+/// A drawing in parallel projection stays one, and the wheel enlarges it.
+TEST(OwnEyes, AParallelProjectionStays) {
+    Scene scene;
+    Diagnostics diagnostics;
+    ASSERT_TRUE(loadText(scene,
+                         "#X3D V4.0 utf8\nPROFILE Full\nNavigationInfo { type \"EXAMINE\" visibilityLimit 70 }\n"
+                         "OrthoViewpoint { fieldOfView [ -4 -4 4 4 ] nearDistance .5 } Shape { geometry Box { } }",
+                         diagnostics));
+    scene.newFrame(0);
+    SharedWorld world(scene);
+    OwnEye eye(world);
+    const auto press = [&](bool down) { eye.take(Root::key.index, Value(KeyInput::named("RIGHT", down)->toValue())); };
+    press(true);
+    eye.advance(.1), eye.advance(.2);
+    press(false);
+    eye.advance(.3);
+    const auto turned = eye.camera(2);
+    ASSERT_TRUE(turned);
+    EXPECT_TRUE(turned->orthographic);
+    EXPECT_NEAR(turned->top, 4, 1e-6);
+    EXPECT_NEAR(turned->rightEdge, 8, 1e-6);
+    EXPECT_NEAR(turned->nearDistance, .5, 1e-6);
+    EXPECT_NEAR(turned->visibilityLimit, 70, 1e-6);
+    const double steps[] = {0, -15};
+    eye.take(Root::wheel.index, Value(Array<double>(std::span<const double>(steps))));
+    eye.advance(.4);
+    const auto near = eye.camera(2);
+    EXPECT_NEAR(near->top, 4 * std::pow(.9, 15), 1e-6) << "larger";
+    EXPECT_LT(glm::length(near->position - turned->position), 1e-9) << "not into the box";
+    EXPECT_EQ(eye.navigated().node(scene.root()).id(), scene.root());
+}
+
+/// Somebody who stands in a wall gets out once walls do not count.
+TEST(OwnEyes, WallsCanBeSwitchedOff) {
+    Walked walked;
+    walked.eye->setObstacles({.walls = false, .ground = true});
+    walked.key("UP", true);
+    walked.run(6);
+    const auto camera = walked.eye->camera(1);
+    ASSERT_TRUE(camera);
+    EXPECT_LT(camera->position.z, -5) << "through the wall";
+    EXPECT_NEAR(camera->position.y, 1.6, 2.2) << "on the ground, or on what is there";
+}
+
 TEST(OwnEyes, ItSeesAsTheBoundViewpointDoes) {
     Walked walked("FLY");
     walked.key("UP", true);

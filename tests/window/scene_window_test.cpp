@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <optional>
+#include <set>
 #include <thread>
 
 #include <SDL.h>
@@ -253,6 +254,159 @@ TEST_F(AWindow, AFileThatIsDroppedIsTheApplications) {
     }));
     EXPECT_EQ(dropped, (std::vector<std::string>{"/somewhere/one.x3dv", "/somewhere/two words.wrl"}));
     EXPECT_TRUE(window->takeDropped().empty());
+}
+
+/// Ctrl+S of a Russian keyboard, whose key writes another letter.
+TEST_F(AWindow, KeysCountByTheirPositionWhereTheLayoutHasNoLatinLetters) {
+    open();
+    constexpr SDL_Keycode kOther = 0x444;
+    for (const SDL_Scancode at : {SDL_SCANCODE_L, SDL_SCANCODE_F}) {
+        SDL_Event event{};
+        event.type = SDL_KEYDOWN;
+        event.key.state = SDL_PRESSED;
+        event.key.keysym.sym = kOther;
+        event.key.keysym.scancode = at;
+        event.key.keysym.mod = KMOD_LCTRL;
+        SDL_PushEvent(&event);
+    }
+    key(SDLK_l, KMOD_LCTRL);  // a Latin layout counts by what is written on its keys
+    std::vector<Request> kinds;
+    EXPECT_TRUE(run([&] {
+        for (const auto& request : window->takeRequests()) kinds.push_back(request.kind);
+        return kinds.size() >= 3;
+    }));
+    EXPECT_EQ(kinds, (std::vector{Request::log, Request::film, Request::log}));
+}
+
+void send(SDL_WindowEventID what) {
+    SDL_Event event{};
+    event.type = SDL_WINDOWEVENT;
+    event.window.event = static_cast<Uint8>(what);
+    SDL_PushEvent(&event);
+}
+
+TEST_F(AWindow, WhatNobodySeesIsNotDrawn) {
+    open();
+    ASSERT_TRUE(run([&] { return window->isSettled(); }));
+    send(SDL_WINDOWEVENT_MINIMIZED);
+    const auto box = scene.findName("BOX");
+    const auto shake = [&](int frames) {
+        for (int i = 0; i < frames; ++i) {
+            ASSERT_TRUE(scene.set(box, x3d::Transform::translation, Vec3f(.01f * static_cast<float>(i), 1.6f, 0)));
+            scene.newFrame(time += 1 / 60.0);
+            ASSERT_TRUE(window->poll(4ms));
+        }
+    };
+    shake(30);  // one that was begun may still come
+    const auto before = window->statistics();
+    shake(60);
+    const auto after = window->statistics();
+    EXPECT_EQ(after.pictures.moving, before.pictures.moving);
+    EXPECT_EQ(after.presented, before.presented);
+    send(SDL_WINDOWEVENT_RESTORED);
+    EXPECT_TRUE(run([&] { return window->isSettled() && window->shown()->sequence == scene.sequence(); }));
+}
+
+TEST_F(AWindow, MessagesAreKeptAndCopied) {
+    SceneWindowOptions options;
+    options.bar = true;
+    open(std::move(options));
+    EXPECT_TRUE(window->messages().empty());
+    window->showMessage({Severity::warning, "a.x3dv", {3, 1}, "ImageTexture shows no picture"});
+    key(SDLK_F3);
+    (void)run([] { return false; }, 10);
+    ASSERT_EQ(window->messages().size(), 1u);
+    SDL_SetClipboardText("nothing");
+    std::string copied = "nothing";
+    for (int y = 80; y < 190 && copied == "nothing"; y += 6)
+        for (int x = 110; x < 220 && copied == "nothing"; x += 8) {
+            button(x, y, true), button(x, y, false);
+            (void)run([] { return false; }, 2);
+            if (window->messages().empty())
+                window->showMessage({Severity::warning, "a.x3dv", {3, 1}, "shows no picture"});
+            char* const text = SDL_GetClipboardText();
+            copied = text;
+            SDL_free(text);
+        }
+    EXPECT_NE(copied.find("a.x3dv:3:1: warning: "), std::string::npos) << copied;
+}
+
+TEST_F(AWindow, TheBarAsksTheApplication) {
+    SceneWindowOptions options;
+    options.bar = true;
+    options.screenshots = ::testing::TempDir() + "bar-%d.png";
+    open(std::move(options));
+    EXPECT_TRUE(window->showsBar());
+    (void)run([] { return false; }, 10);
+    std::set<Request> kinds;
+    for (int y = 12; y < 120; y += 23)
+        for (int x = 3; x < 318; x += 6) {
+            if (!window->showsBar()) key(SDLK_F2);
+            button(x, y, true), button(x, y, false);
+            (void)run([] { return false; }, 2);
+            for (const auto& request : window->takeRequests()) kinds.insert(request.kind);
+        }
+    for (const Request kind : {Request::walls, Request::ground, Request::speed, Request::viewAll, Request::straighten})
+        EXPECT_TRUE(kinds.contains(kind)) << static_cast<int>(kind);
+    if (!window->showsBar()) key(SDLK_F2);
+    EXPECT_TRUE(run([&] { return window->showsBar(); }));
+    key(SDLK_F2);
+    EXPECT_TRUE(run([&] { return !window->showsBar(); })) << "a key hides it";
+    key(SDLK_F7);
+    std::vector<SceneWindowRequest> asked;
+    EXPECT_TRUE(run([&] {
+        for (auto& request : window->takeRequests()) asked.push_back(std::move(request));
+        return !asked.empty();
+    }));
+    EXPECT_EQ(asked.back().kind, Request::walls);
+    EXPECT_FALSE(asked.back().on);
+}
+
+/// What a click would do, and an Anchor that leads out of the scene.
+TEST_F(AWindow, AnAnchorIsAskedForWhenItIsClicked) {
+    const auto shape = scene.findName("LEAF");
+    const NodeId anchor = scene.createNode(x3d::Anchor::type);
+    ASSERT_TRUE(scene.set(anchor, x3d::Anchor::url, Array<String>{String("other.x3dv")}));
+    ASSERT_TRUE(scene.set(anchor, x3d::Anchor::description, String("to the other scene")));
+    ASSERT_TRUE(scene.set(anchor, x3d::Anchor::children, Array<NodeId>{shape}));
+    ASSERT_TRUE(scene.set(scene.findName("BOX"), x3d::Transform::children, Array<NodeId>{anchor}));
+    WorldQueries queries(*world);
+    scene.setSpaceQueries(&queries);
+    open();
+    std::vector<SceneWindowRequest> asked;
+    const auto take = [&] {
+        for (auto& request : window->takeRequests()) asked.push_back(std::move(request));
+        return !asked.empty();
+    };
+    button(20, 20, true), button(20, 20, false);
+    (void)run([] { return false; }, 10);
+    EXPECT_FALSE(take()) << "beside it";
+    button(160, 100, true), button(220, 100, false);
+    (void)run([] { return false; }, 10);
+    EXPECT_FALSE(take()) << "a drag";
+    button(160, 100, true), button(160, 100, false);
+    EXPECT_TRUE(run(take));
+    ASSERT_FALSE(asked.empty());
+    EXPECT_EQ(asked.back().kind, Request::anchor);
+    EXPECT_EQ(asked.back().node, anchor);
+    scene.setSpaceQueries(nullptr);
+}
+
+TEST_F(AWindow, DiagnosticsOfPicturesComeToTheApplication) {
+    Diagnostics diagnostics;
+    ASSERT_TRUE(
+        loadText(scene,
+                 "#X3D V4.0 utf8\nPROFILE Immersive\nShape { appearance Appearance { texture ImageTexture { url "
+                 "\"nothere.png\" } } geometry Box { } }",
+                 diagnostics));
+    scene.newFrame(time += 1);
+    open();
+    std::string said;
+    EXPECT_TRUE(run([&] {
+        const Diagnostics taken = window->takeDiagnostics();
+        for (const Diagnostic& d : taken.all()) said += d.text;
+        return said.find("ImageTexture shows no picture") != std::string::npos;
+    })) << said;
 }
 
 TEST_F(AWindow, AnotherSizeIsThatOfItsPictures) {

@@ -28,6 +28,7 @@ int main() {
     SharedWorld world(scene);
     SoundRenderer sound(world);
     HapticRenderer touch(world);
+    good &= check(touch.attachToScene(scene).has_value(), "touch follows it");
     scene.newFrame(0);
     Ray ray;
     ray.origin = {0, 0, 10};
@@ -35,6 +36,7 @@ int main() {
     const Hit hit = world.rays().intersect(ray);
     good &= check(hit && std::abs(hit.t - 9) < .01, "a ray meets it after 9 m");
     good &= check(world.counts().flatteners == 1 && world.counts().rayWorlds == 1, "there is one world for all");
-    good &= check(sound.attached() && touch.attached(), "sound and touch follow it");
+    good &= check(sound.attached(), sound.failure().empty() ? "sound follows it" : sound.failure().c_str());
+    good &= check(touch.attached(), "touch goes on");
     return good ? 0 : 1;
 }

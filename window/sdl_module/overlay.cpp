@@ -1,12 +1,10 @@
 // Lays out the overlay's panels, and reports the user's actions in them.
 #include "overlay.h"
+#include "overlay_draw.h"
 
 #include <algorithm>
-#include <array>
 #include <cfloat>
 #include <cmath>
-#include <cstdio>
-#include <filesystem>
 
 namespace rtsg {
 
@@ -14,65 +12,49 @@ namespace {
 
 using Kind = OverlayAction::Kind;
 
-constexpr ImU32 kAccent = IM_COL32(96, 176, 255, 255), kWrong = IM_COL32(255, 122, 92, 255);
-constexpr ImU32 kDim = IM_COL32(150, 156, 168, 255), kEvent = IM_COL32(255, 204, 92, 255);
-constexpr float kGap = 8, kFont = 15, kBar = 72, kDot = 5;
+constexpr float kFont = 15, kTimeline = 72, kDot = 5;
 constexpr int kBars = 120;  // of the curve
 enum Shape : int { play, pauses, back, ahead };
 
-/// DejaVu Sans where it is; else what ImGui brings, which has Latin letters only.
-void loadFont(ImGuiIO& io) {
-    static const ImWchar ranges[] = {0x20,   0x24F,  0x370,  0x3FF,  0x400,  0x52F,  0x2010, 0x2027,
-                                     0x2030, 0x205E, 0x2190, 0x21FF, 0x2200, 0x22FF, 0};
-    ImFontConfig config;
-    config.OversampleH = config.OversampleV = 1;  // texels are drawn as they are
-    config.PixelSnapH = true;
-    for (const char* file :
-         {"/usr/share/fonts/truetype/dejavu/DejaVuSans.ttf", "/usr/share/fonts/dejavu-sans-fonts/DejaVuSans.ttf",
-          "/usr/share/fonts/TTF/DejaVuSans.ttf"}) {
-        std::error_code error;
-        if (std::filesystem::exists(file, error) && io.Fonts->AddFontFromFileTTF(file, kFont, &config, ranges)) return;
-    }
-    io.Fonts->AddFontDefault();
-}
-
-template <class... Numbers>
-std::string text(const char* format, Numbers... numbers) {
-    std::array<char, 96> buffer{};
-    std::snprintf(buffer.data(), buffer.size(), format, numbers...);
-    return buffer.data();
-}
-
-/// A label that ImGui does not take apart at "##".
-void put(ImU32 color, const std::string& words) {
-    ImGui::PushStyleColor(ImGuiCol_Text, color);
-    ImGui::TextUnformatted(words.data(), words.data() + words.size());
-    ImGui::PopStyleColor();
-}
-ImU32 ink() {
-    return ImGui::GetColorU32(ImGuiCol_Text);
-}
-
-/// Two columns, of which the first is as wide as its words.
-bool beginLines(const char* name) {
-    if (!ImGui::BeginTable(name, 2, ImGuiTableFlags_SizingFixedFit)) return false;
-    ImGui::TableSetupColumn("name", ImGuiTableColumnFlags_WidthFixed);
-    ImGui::TableSetupColumn("value", ImGuiTableColumnFlags_WidthStretch);
-    return true;
-}
 }  // namespace
 
-Overlay::Overlay() : context_(ImGui::CreateContext()) {
+Overlay::Overlay(float scale) : context_(ImGui::CreateContext()), scale_(scale), fonts_(std::round(kFont * scale)) {
     ImGuiIO& io = ImGui::GetIO();
     io.IniFilename = nullptr;  // nothing is written
-    loadFont(io);
-    unsigned char* texels = nullptr;
-    io.Fonts->GetTexDataAsAlpha8(&texels, &atlas_.width, &atlas_.height);
-    atlas_.texels = texels;
+    makeFonts();
     style();
 }
 Overlay::~Overlay() {
     ImGui::DestroyContext(context_);
+}
+
+void Overlay::makeFonts() {
+    ImFontAtlas& atlas = *ImGui::GetIO().Fonts;
+    if (!fonts_.make(atlas)) return;
+    unsigned char* texels = nullptr;
+    atlas.GetTexDataAsAlpha8(&texels, &atlas_.width, &atlas_.height);
+    atlas_.texels = texels;
+}
+
+void Overlay::set(std::shared_ptr<const OverlayContent> content) {
+    content_ = std::move(content);
+    const OverlayContent& all = *content_;
+    for (const auto& view : all.viewpoints) fonts_.need(view.name);
+    for (const auto& row : all.tree) fonts_.need(row.name);
+    for (const auto& message : all.messages) fonts_.need(message.text);
+    for (const auto* lines : {&all.lines, &all.history})
+        for (const auto& line : *lines) fonts_.need(line.name), fonts_.need(line.value);
+    if (all.picked) {
+        fonts_.need(all.picked->name);
+        for (const auto& field : all.picked->fields) fonts_.need(field.name), fonts_.need(field.value);
+        for (const auto& route : all.picked->routes) fonts_.need(route);
+    }
+    if (all.files)
+        for (const auto& entry : all.files->entries) fonts_.need(entry.name);
+    if (all.timeline && all.timeline->marks)
+        for (const auto& mark : *all.timeline->marks) fonts_.need(mark.text);
+    fonts_.need(all.tip);
+    makeFonts();
 }
 
 void Overlay::style() {
@@ -86,6 +68,7 @@ void Overlay::style() {
     s.ItemSpacing = ImVec2(8, 4);
     s.CellPadding = ImVec2(6, 1);
     s.ScrollbarSize = 11;
+    s.ScaleAllSizes(scale_);
     const auto color = [&s](ImGuiCol which, int r, int g, int b, int a) {
         s.Colors[which] = ImGui::ColorConvertU32ToFloat4(IM_COL32(r, g, b, a));
     };
@@ -115,6 +98,7 @@ bool Overlay::pointer(float x, float y, bool down) {
         held_ = outside_ = false;
     else if (!held_ && !outside_)
         (over ? held_ : outside_) = true;
+    if (outside_) menu_.clear();
     const bool mine = was || held_ || (over && !outside_);
     io.MousePos = mine ? ImVec2(x, y) : ImVec2(-FLT_MAX, -FLT_MAX);
     io.MouseDown[0] = held_;
@@ -156,31 +140,46 @@ void Overlay::frame() {
     io.DeltaTime = std::clamp(std::chrono::duration<float>(now - std::exchange(last_, now)).count(), 1e-3f, .1f);
     ImGui::NewFrame();
     panels_.clear();
-    const float bar = content_->timeline ? kBar : 0;
-    const float height = io.DisplaySize.y - 2 * kGap - (bar > 0 ? bar + kGap : 0);
-    const float width = std::min(std::clamp(io.DisplaySize.x * .26f, 220.f, 350.f), io.DisplaySize.x / 2 - 1.5f * kGap);
-    const float right = io.DisplaySize.x - kGap - width;
+    below_ = content_->hasDetails && content_->timeline ? kTimeline * scale_ + kGap : 0;
+    if (content_->bar)
+        bar();
+    else
+        barHeight_ = 0;
+    if (content_->hasDetails) details();
+    messages();
+    keys();
+    files();
+    tip();
+    ImGui::Render();
+}
+
+/// Panels at the sides, below the bar and above the time line.
+void Overlay::details() {
+    const ImVec2 screen = ImGui::GetIO().DisplaySize;
+    const float top = barHeight_ + kGap, height = screen.y - top - kGap - below_;
+    const float width = std::min(std::clamp(screen.x * .26f, 220 * scale_, 350 * scale_), screen.x / 2 - 1.5f * kGap);
+    const float right = screen.x - kGap - width;
     const float line = ImGui::GetTextLineHeightWithSpacing();
     const auto rows = static_cast<float>(content_->lines.size());
-    const float upper = std::min(height * .62f, (rows + 1) * line + 66);
+    const float upper = std::min(height * .62f, (rows + 1) * line + 66 * scale_);
     const auto views = static_cast<float>(content_->viewpoints.size());
-    if (begin("figures", {kGap, kGap, width, upper})) figures();
+    if (begin("figures", {kGap, top, width, upper})) figures();
     ImGui::End();
-    const float lower = std::min(height - upper - kGap, (views + 1) * line + 28);
-    if (views > 0 && begin("viewpoints", {kGap, 2 * kGap + upper, width, lower})) viewpoints();
+    const float lower = std::min(height - upper - kGap, (views + 1) * line + 28 * scale_);
+    if (views > 0 && begin("viewpoints", {kGap, top + kGap + upper, width, lower})) viewpoints();
     if (views > 0) ImGui::End();
     const float part = content_->picked ? std::floor(height * .42f) : height;
-    if (begin("tree", {right, kGap, width, part})) tree();
+    if (begin("tree", {right, top, width, part})) tree();
     ImGui::End();
     if (content_->picked) {
-        if (begin("picked", {right, 2 * kGap + part, width, height - part - kGap})) picked();
+        if (begin("picked", {right, top + kGap + part, width, height - part - kGap})) picked();
         ImGui::End();
     }
-    if (bar > 0) {
-        if (begin("timeline", {kGap, io.DisplaySize.y - kGap - bar, io.DisplaySize.x - 2 * kGap, bar})) timeline();
+    if (content_->timeline) {
+        const float tall = kTimeline * scale_;
+        if (begin("timeline", {kGap, screen.y - kGap - tall, screen.x - 2 * kGap, tall})) timeline();
         ImGui::End();
     }
-    ImGui::Render();
 }
 
 void Overlay::figures() {

@@ -13,17 +13,19 @@
 
 #include "../src/view/overlay_content.h"
 #include "draw_list.h"
+#include "overlay_fonts.h"
 
 namespace rtsg {
 
 class Overlay {
   public:
-    Overlay();
+    /// `scale`: pixels for one on a usual display.
+    explicit Overlay(float scale = 1);
     ~Overlay();
     Overlay(const Overlay&) = delete;
     Overlay& operator=(const Overlay&) = delete;
 
-    void set(std::shared_ptr<const OverlayContent> content) { content_ = std::move(content); }
+    void set(std::shared_ptr<const OverlayContent> content);
     /// The size of the window in pixels.
     void setSize(int width, int height);
     /// True: it is for the overlay. Places in pixels from the left and the top; `down`: the first button is.
@@ -40,7 +42,18 @@ class Overlay {
         bool holds(float px, float py) const { return px >= x && px < x + width && py >= y && py < y + height; }
     };
     void style();
+    void makeFonts();
     void frame();
+    void details();
+    void bar();
+    void barItems();
+    bool item(const std::string& label, bool isOn = false);
+    bool menuItem(const char* name, const std::string& label);
+    void menu();
+    void messages();
+    void keys();
+    void files();
+    void tip();
     bool begin(const char* name, const Box& box);
     void figures();
     void lines(const char* name, const std::vector<OverlayContent::Line>& all);
@@ -61,8 +74,14 @@ class Overlay {
     Coverage atlas_;
     std::shared_ptr<const OverlayContent> content_;
     std::vector<OverlayAction> actions_;
-    std::vector<Box> panels_;   // of the last frame
-    std::uint32_t picked_ = 0;  // a node, in the last frame
+    const float scale_;
+    OverlayFonts fonts_;
+    std::vector<Box> panels_;  // of the last frame
+    std::string menu_;         // the one that is open below the bar
+    bool menuIsNew_ = false, isFirstItem_ = true;
+    float menuAt_ = 0, barHeight_ = 0, below_ = 0;  // the bar's, and of what lies at the foot
+    std::size_t messageCount_ = 0;                  // in the last frame
+    std::uint32_t picked_ = 0;                      // a node, in the last frame
     float x_ = -1, y_ = -1;
     bool held_ = false;     // pressed in a panel
     bool outside_ = false;  // pressed elsewhere

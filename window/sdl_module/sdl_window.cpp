@@ -14,6 +14,7 @@
 #include <SDL.h>
 
 #include "../src/view/window_module.h"
+#include "enlarge.h"
 #ifdef RTSG_HAS_OVERLAY
 #include "overlay.h"
 #endif
@@ -26,6 +27,8 @@ class SdlWindow final : public WindowModule {
   public:
     ~SdlWindow() override {
         if (pad_) SDL_GameControllerClose(pad_);
+        if (hand_) SDL_FreeCursor(hand_);
+        if (arrow_) SDL_FreeCursor(arrow_);
         if (window_) {
             letWakesArrive();
             SDL_DestroyWindow(window_);
@@ -77,29 +80,24 @@ class SdlWindow final : public WindowModule {
     bool present(const std::uint8_t* pixels, int width, int height) override {
         SDL_Surface* screen = SDL_GetWindowSurface(window_);
         if (!screen) return false;
-        auto* const bytes = const_cast<std::uint8_t*>(pixels);  // SDL only reads them
-        SDL_Surface* picture =
-            SDL_CreateRGBSurfaceWithFormatFrom(bytes, width, height, 32, 4 * width, SDL_PIXELFORMAT_RGB888);
-        if (!picture) return false;
-        // Enlarged pictures are interpolated if the display's format allows it.
-        const bool linear = screen->format->format == SDL_PIXELFORMAT_RGB888;
-        int failed = 0;
-        if (screen->w == width && screen->h == height)
-            failed = SDL_BlitSurface(picture, nullptr, screen, nullptr);
-        else if (!linear || SDL_SoftStretchLinear(picture, nullptr, screen, nullptr) != 0)
-            failed = SDL_BlitScaled(picture, nullptr, screen, nullptr);
-        SDL_FreeSurface(picture);
+        // Most displays take the bytes as they are.
+        const bool isSame = screen->format->format == SDL_PIXELFORMAT_RGB888 && !SDL_MUSTLOCK(screen);
+        if (isSame && (screen->w != width || screen->h != height))
+            enlarge({pixels, width, height}, static_cast<std::uint8_t*>(screen->pixels), screen->w, screen->h,
+                    screen->pitch);
+        else if (!blit(pixels, width, height, *screen))
+            return false;
 #ifdef RTSG_HAS_OVERLAY
         if (overlay_ && screen->format->BytesPerPixel == 4)
             overlay_->paint({static_cast<std::uint8_t*>(screen->pixels), screen->w, screen->h, screen->pitch});
 #endif
-        return failed == 0 && SDL_UpdateWindowSurface(window_) == 0;
+        return SDL_UpdateWindowSurface(window_) == 0;
     }
 
 #ifdef RTSG_HAS_OVERLAY
     bool setOverlay(std::shared_ptr<const OverlayContent> content) override {
         if (!content) return overlay_.reset(), true;
-        if (!overlay_) overlay_ = std::make_unique<Overlay>();
+        if (!overlay_) overlay_ = std::make_unique<Overlay>(scale());
         overlay_->setSize(width(), height());
         overlay_->set(std::move(content));
         return true;
@@ -113,6 +111,12 @@ class SdlWindow final : public WindowModule {
 #endif
 
     void setTitle(const std::string& title) override { SDL_SetWindowTitle(window_, title.c_str()); }
+    void setHand(bool on) override {
+        if (!hand_) hand_ = SDL_CreateSystemCursor(SDL_SYSTEM_CURSOR_HAND);
+        if (!arrow_) arrow_ = SDL_CreateSystemCursor(SDL_SYSTEM_CURSOR_ARROW);
+        if (SDL_Cursor* const cursor = on ? hand_ : arrow_) SDL_SetCursor(cursor);
+    }
+    void setClipboard(const std::string& text) override { SDL_SetClipboardText(text.c_str()); }
     void toggleFullscreen() override {
         const bool full = (SDL_GetWindowFlags(window_) & SDL_WINDOW_FULLSCREEN_DESKTOP) != 0;
         SDL_SetWindowFullscreen(window_, full ? 0U : Uint32{SDL_WINDOW_FULLSCREEN_DESKTOP});
@@ -128,6 +132,17 @@ class SdlWindow final : public WindowModule {
     }
 
   private:
+    static bool blit(const std::uint8_t* pixels, int width, int height, SDL_Surface& screen) {
+        auto* const bytes = const_cast<std::uint8_t*>(pixels);  // SDL only reads them
+        SDL_Surface* picture =
+            SDL_CreateRGBSurfaceWithFormatFrom(bytes, width, height, 32, 4 * width, SDL_PIXELFORMAT_RGB888);
+        if (!picture) return false;
+        const int failed = screen.w == width && screen.h == height ? SDL_BlitSurface(picture, nullptr, &screen, nullptr)
+                                                                   : SDL_BlitScaled(picture, nullptr, &screen, nullptr);
+        SDL_FreeSurface(picture);
+        return failed == 0;
+    }
+
     /// Where nobody sees the window only wake() brings events, and SDL would look for them a thousand times a second.
     bool wait(SDL_Event& event, int milliseconds) {
         if (!isUnseen_) return SDL_WaitEventTimeout(&event, milliseconds) != 0;
@@ -159,6 +174,15 @@ class SdlWindow final : public WindowModule {
     Uint32 buttonsAfter(const SDL_MouseButtonEvent& event) {
         const Uint32 one = SDL_BUTTON(event.button);
         return buttons_ = event.state == SDL_PRESSED ? buttons_ | one : buttons_ & ~one;
+    }
+
+    /// Pixels of the overlay for one on a display of 96 dots an inch.
+    float scale() const {
+        constexpr float kUsual = 96, kStep = .25f, kLargest = 4;
+        float dots = kUsual;
+        const int display = SDL_GetWindowDisplayIndex(window_);
+        if (display < 0 || SDL_GetDisplayDPI(display, &dots, nullptr, nullptr) != 0) return 1;
+        return std::clamp(std::round(dots / kUsual / kStep) * kStep, 1.f, kLargest);
     }
 
     WindowEvent pointerAt(int x, int y, Uint32 buttons) {
@@ -237,6 +261,11 @@ class SdlWindow final : public WindowModule {
         if (code >= SDLK_F1 && code <= SDLK_F12) event.functionKey = static_cast<int>(code - SDLK_F1) + 1;
         if (event.key == WindowEvent::Key::none && code > 32 && code < 0x110000)
             event.character = static_cast<char32_t>(code);
+        // A Cyrillic or Greek layout has no Latin letters: then the key counts that has one elsewhere.
+        constexpr char32_t kLastOfAscii = 0x7F;
+        if (const SDL_Scancode at = from.keysym.scancode;
+            event.control && event.character > kLastOfAscii && at >= SDL_SCANCODE_A && at <= SDL_SCANCODE_Z)
+            event.character = U'a' + static_cast<char32_t>(at - SDL_SCANCODE_A);
         return event;
     }
 
@@ -353,6 +382,14 @@ class SdlWindow final : public WindowModule {
             case SDL_WINDOWEVENT_EXPOSED:
                 event.kind = Kind::exposed;
                 break;
+            case SDL_WINDOWEVENT_MINIMIZED:
+            case SDL_WINDOWEVENT_HIDDEN:
+            case SDL_WINDOWEVENT_SHOWN:
+            case SDL_WINDOWEVENT_RESTORED:
+            case SDL_WINDOWEVENT_MAXIMIZED:
+                event.kind = Kind::seen;
+                event.down = from.event != SDL_WINDOWEVENT_MINIMIZED && from.event != SDL_WINDOWEVENT_HIDDEN;
+                break;
             case SDL_WINDOWEVENT_LEAVE:
 #ifdef RTSG_HAS_OVERLAY
                 if (overlay_) overlay_->pointerLeft();
@@ -377,6 +414,7 @@ class SdlWindow final : public WindowModule {
     std::condition_variable called_;
     bool isWoken_ = false;  // guarded by mutex_
     bool inScene_ = false;  // the pointer, as was told last
+    SDL_Cursor *hand_ = nullptr, *arrow_ = nullptr;
 #ifdef RTSG_HAS_OVERLAY
     std::unique_ptr<Overlay> overlay_;
 #endif
@@ -392,6 +430,6 @@ std::unique_ptr<WindowModule> openWindow(const WindowSettings& settings, std::st
 
 }  // namespace rtsg
 
-extern "C" __attribute__((visibility("default"))) rtsg::OpenWindow rtsg_open_window_2() {
+extern "C" __attribute__((visibility("default"))) rtsg::OpenWindow rtsg_open_window_3() {
     return &rtsg::openWindow;
 }

@@ -103,12 +103,20 @@ struct LiveSound::Impl {
             const auto sounds = std::static_pointer_cast<const AcousticState>(state->of(number));
             if (auto done = engine->renderLive(sounds, state->rays, state->time + *ahead, sound); !done) return done;
             std::copy_n(sound.samples.begin(), std::min(sound.samples.size(), out.size()), out.begin());
+            applyVolume();
             clip(out);
         }
         ++blocks;
         return device.write(out);
     }
 
+    /// It goes to a new volume within a block, so that nothing clicks.
+    void applyVolume() {
+        const float wanted = volume, step = (wanted - applied) / static_cast<float>(out.size());
+        if (wanted == 1 && applied == 1) return;
+        for (float& sample : out) sample *= applied += step;
+        applied = wanted;
+    }
     void clip(std::span<float> samples) {
         double sum = 0;
         for (float& sample : samples) {
@@ -135,6 +143,8 @@ struct LiveSound::Impl {
     std::shared_ptr<const WorldState> state;
     std::optional<double> ahead;  // of the scene's places, s
     std::uint64_t blocks = 0, clipped = 0;
+    std::atomic<float> volume = 1;
+    float applied = 1;  // in the last block
     float loudest = 0;
     double meanSquare = 0;
     std::atomic<bool> stop = false;
@@ -184,6 +194,10 @@ void LiveSound::sendEvents() {
     if (!found) return;
     impl_->wanted = true;
     sendAudioEvents(impl_->world.scene(), *found);
+}
+
+void LiveSound::setVolume(double volume) {
+    impl_->volume = static_cast<float>(std::clamp(volume, 0.0, 1.0));
 }
 
 LiveReport LiveSound::report() const {

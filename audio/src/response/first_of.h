@@ -25,7 +25,7 @@ class FirstOf {
         sort();
         return items_;
     }
-    std::size_t reported() const { return count_; }
+    std::size_t reported() const { return reported_; }
     /// The last item that is kept: only items before it still count. At first there is none.
     const Item& last() const { return last_; }
 

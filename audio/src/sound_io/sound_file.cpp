@@ -13,8 +13,10 @@
 #include <rtsg/audio/sound_comment.h>
 #include <rtsg/audio/sound_file.h>
 #include <rtsg/core/output_file.h>
+#include <rtsg/core/sandbox.h>
 
 #include "mpeg_sound.h"
+#include "sandbox_sounds.h"
 #include "signal/sound_libraries.h"
 #include "sound_bytes.h"
 #include "sound_length.h"
@@ -74,7 +76,9 @@ std::string damageOf(SNDFILE* file, const SF_INFO& info, const SoundBytes& bytes
 
 constexpr std::uint64_t kMaxSamples = std::uint64_t{1} << 29;
 
-Result<SoundBuffer> readAll(SoundBytes bytes, std::uint64_t maxSamples, std::string& damage) {
+}  // namespace
+
+Result<SoundBuffer> readSoundHere(SoundBytes bytes, std::uint64_t maxSamples, std::string& damage) {
     if (const auto loaded = delayed::sound.load(); !loaded) return std::unexpected(loaded.error());
     if (isMpegSound(bytes)) return readMpegSound(std::move(bytes), maxSamples, damage);
     SF_INFO info{};
@@ -104,8 +108,6 @@ Result<SoundBuffer> readAll(SoundBytes bytes, std::uint64_t maxSamples, std::str
     return sound;
 }
 
-}  // namespace
-
 float SoundBuffer::peak() const {
     float result = 0;
     for (const float sample : samples) result = std::max(result, std::abs(sample));
@@ -126,19 +128,29 @@ Result<SoundBuffer> readSound(const std::string& path, std::uint64_t maxSamples,
         return static_cast<std::size_t>(file.gcount());
     };
     std::string found;
-    auto sound = readAll(std::move(bytes), maxSamples, damage ? *damage : found);
+    auto sound = isSandboxed() ? readSoundSandboxed(bytes, {}, maxSamples, damage ? *damage : found)
+                               : readSoundHere(std::move(bytes), maxSamples, damage ? *damage : found);
     if (!sound) sound.error().file = path;
     return sound;
 }
 
 Result<SoundBuffer> readSoundBytes(std::string_view bytes, std::uint64_t maxSamples, std::string* damage) {
     std::string found;
-    return readAll(SoundBytes::of(bytes), maxSamples, damage ? *damage : found);
+    SoundBytes source = SoundBytes::of(bytes);
+    if (isSandboxed()) return readSoundSandboxed(source, bytes, maxSamples, damage ? *damage : found);
+    return readSoundHere(std::move(source), maxSamples, damage ? *damage : found);
 }
 
 Result<> checkSound(const Resource& file) {
+    return isSandboxed() ? checkSoundSandboxed(SoundBytes::of(file)) : checkSoundHere(SoundBytes::of(file));
+}
+
+Result<double> soundSeconds(const Resource& file) {
+    return isSandboxed() ? soundSecondsSandboxed(SoundBytes::of(file)) : soundSecondsHere(SoundBytes::of(file));
+}
+
+Result<> checkSoundHere(SoundBytes source) {
     if (const auto loaded = delayed::sound.load(); !loaded) return std::unexpected(loaded.error());
-    SoundBytes source = SoundBytes::of(file);
     if (isMpegSound(source)) return {};
     SF_INFO info{};
     SF_VIRTUAL_IO io = virtualFile();
@@ -147,10 +159,10 @@ Result<> checkSound(const Resource& file) {
     return {};
 }
 
-Result<double> soundSeconds(const Resource& resource) {
+Result<double> soundSecondsHere(SoundBytes source) {
     if (const auto loaded = delayed::sound.load(); !loaded) return std::unexpected(loaded.error());
-    SoundBytes source = SoundBytes::of(resource);
     if (isMpegSound(source)) return mpegSoundSeconds(std::move(source));
+    const SoundBytes whole = source;
     SF_INFO info{};
     SF_VIRTUAL_IO io = virtualFile();
     const File file(sf_open_virtual(&io, SFM_READ, &info, &source));
@@ -158,7 +170,7 @@ Result<double> soundSeconds(const Resource& resource) {
     // An Ogg stream says at its end how long it is.
     std::string damage;
     if (isOgg(info) && info.frames == SF_COUNT_MAX) {
-        const auto sound = readAll(SoundBytes::of(resource), kMaxSamples, damage);
+        const auto sound = readSoundHere(whole, kMaxSamples, damage);
         return sound ? Result<double>(sound->seconds()) : std::unexpected(sound.error());
     }
     if (info.samplerate < 1 || info.frames < 0 || info.frames == SF_COUNT_MAX)

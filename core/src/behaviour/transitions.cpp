@@ -27,7 +27,7 @@ struct Transition {
     Array<double> toValue() const {
         Array<double> value{begin, seconds, double(eased)};
         for (const ViewerPose& pose : {from, to}) {
-            const glm::dquat& q = pose.orientation;
+            const glm::dquat q = zoomedRotation(pose);
             for (const double number : {pose.position.x, pose.position.y, pose.position.z, q.x, q.y, q.z, q.w})
                 value.push_back(number);
         }
@@ -38,7 +38,7 @@ struct Transition {
         if (v.size() != kNumbers || !std::ranges::all_of(v, [](double n) { return std::isfinite(n); }))
             return std::nullopt;
         const auto pose = [&](std::size_t i) {
-            return ViewerPose{{v[i], v[i + 1], v[i + 2]}, glm::dquat(v[i + 6], v[i + 3], v[i + 4], v[i + 5])};
+            return zoomedPose({v[i], v[i + 1], v[i + 2]}, glm::dquat(v[i + 6], v[i + 3], v[i + 4], v[i + 5]));
         };
         const Transition t{v[0], v[1], v[2] != 0, pose(3), pose(10)};
         if (!(t.seconds > 0) || !isFinite(t.from) || !isFinite(t.to)) return std::nullopt;
@@ -48,12 +48,13 @@ struct Transition {
         double fraction = std::clamp((time - begin) / seconds, 0.0, 1.0);
         if (eased) fraction = fraction * fraction * (3 - 2 * fraction);
         return {glm::mix(from.position, to.position, fraction),
-                glm::normalize(alongShorterArc(from.orientation, to.orientation, fraction))};
+                glm::normalize(alongShorterArc(from.orientation, to.orientation, fraction)),
+                glm::mix(from.zoom, to.zoom, fraction)};
     }
 };
 
 void storeOffset(Cascade& cascade, const Node& viewpoint, const ViewFields& fields, const ViewerPose& offset) {
-    const glm::dquat& q = offset.orientation;
+    const glm::dquat q = zoomedRotation(offset);
     cascade.store(viewpoint, fields.userPosition, offset.position);
     cascade.store(viewpoint, fields.userRotation, Vec4d(q.x, q.y, q.z, q.w));
 }
@@ -130,7 +131,8 @@ void arriveAt(Cascade& cascade, const Node& viewpoint, const std::optional<Viewe
     const auto world = worldAround(cascade.scene(), viewpoint.id());
     if (!from || !world) return storeOffset(cascade, viewpoint, *fields, to);
     const ViewerPose around = transformed(glm::inverse(*world), *from);
-    const ViewerPose start = relative(authorsView(viewpoint, *fields), around);
+    ViewerPose start = relative(authorsView(viewpoint, *fields), around);
+    start.zoom = 1;  // the other viewpoint's says nothing about this one
     if (!isFinite(start)) return storeOffset(cascade, viewpoint, *fields, to);
     if (jump)
         begin(cascade, viewpoint, *fields, start, to);

@@ -18,8 +18,6 @@ constexpr glm::dvec3 kUp(0, 1, 0);
 /// The outermost rays start at this share of the avatar's radius, so that a wall along which it slides does not stop
 /// them.
 constexpr double kWithin = .999;
-/// Added to the height of a step, so that one of exactly that height is climbed.
-constexpr double kStepMargin = 1e-3;
 
 /// The starts of rays, relative to the eye, for a motion along `direction`.
 std::vector<glm::dvec3> startsOf(const glm::dvec3& direction, const Avatar& avatar, bool walks) {
@@ -47,7 +45,6 @@ std::vector<glm::dvec3> startsOf(const glm::dvec3& direction, const Avatar& avat
 
 glm::dvec3 slideBy(glm::dvec3 eye, glm::dvec3 motion, const Avatar& avatar, bool walks, const CastRay& cast) {
     constexpr int kMaxRotations = 4;
-    constexpr double kSteepest = .5;  // the cosine of 60 degrees
     for (int i = 0; i < kMaxRotations; ++i) {
         const double length = glm::length(motion);
         if (!(length > 1e-9)) break;
@@ -81,6 +78,21 @@ glm::dvec3 slideBy(glm::dvec3 eye, glm::dvec3 motion, const Avatar& avatar, bool
     return eye;
 }
 
+glm::dvec3 slideBy(glm::dvec3 eye, glm::dvec3 motion, const SweepAvatar& sweep) {
+    constexpr int kMaxContacts = 6;
+    for (int i = 0; i < kMaxContacts; ++i) {
+        const double length = glm::length(motion);
+        if (!(length > 1e-9)) break;
+        const glm::dvec3 direction = motion / length;
+        const auto met = sweep(eye, direction, length);
+        if (!met) return eye + motion;
+        eye += direction * met->distance;
+        const glm::dvec3 rest = direction * (length - met->distance);
+        motion = rest - met->normal * glm::dot(rest, met->normal);
+    }
+    return eye;
+}
+
 bool stopsAvatars(const Scene& scene, std::span<const NodeId> path) {
     using N = x3d::Collision;
     for (std::size_t i = 0; i < path.size(); ++i) {
@@ -93,12 +105,29 @@ bool stopsAvatars(const Scene& scene, std::span<const NodeId> path) {
     return true;
 }
 
-Stand standOrFall(glm::dvec3 eye, double fallSpeed, double seconds, const Avatar& avatar, const CastRay& cast) {
+namespace {
+
+/// Whether the way to here rose too steeply: over the run at which a slope of 60 degrees is as high as a step, the
+/// ground rises by more.
+bool isTooSteep(const glm::dvec3& eye, const glm::dvec3& motion, double ground, double step, const CastRay& cast) {
+    const double length = glm::length(motion);
+    if (!(length > 0) || !(step > 0)) return false;
+    const double run = step * kSteepest / std::sqrt(1 - kSteepest * kSteepest);
+    const auto behind = cast(eye - motion * (run / length), -kUp, INFINITY);
+    return behind && behind->distance - ground > step;
+}
+
+}  // namespace
+
+Stand standOrFall(glm::dvec3 eye, double fallSpeed, double seconds, const Avatar& avatar, const CastRay& cast,
+                  const glm::dvec3& motion) {
     const auto below = cast(eye, -kUp, INFINITY);
     if (!below) return {eye, 0, false};
     const double drop = below->distance - avatar.height;
     const double step = avatar.step * (1 + kStepMargin);
     if (-drop > step) return {eye, 0, true};
+    if (drop < 0 && below->normal.y < kSteepest && isTooSteep(eye, motion, below->distance, step, cast))
+        return {eye, 0, true};
     // One walks down a stair as up one; one who is already in the air falls.
     if (drop <= 0 || (drop <= step && fallSpeed == 0)) {
         constexpr double kTouches = 1e-6;  // of the height: what rays are good for

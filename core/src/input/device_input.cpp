@@ -224,15 +224,13 @@ Bearing bearingThrough(const Scene& scene, double x, double y, double aspect) {
     Bearing bearing{viewer.position, {0, 0, -1}};
     if (view && view->is(x3d::OrthoViewpoint::type)) {
         // One side grows until all of the extent shows (23.4.5).
-        const auto& field = view->get(x3d::OrthoViewpoint::fieldOfView);
-        double low[2] = {-1, -1}, high[2] = {1, 1};
-        for (std::size_t i = 0; i < 2 && field.size() == 4; ++i) low[i] = field[i], high[i] = field[i + 2];
-        double half[2] = {(high[0] - low[0]) / 2, (high[1] - low[1]) / 2};
+        const auto [left, bottom, rightEdge, top] = extentOf(*view);
+        double half[2] = {(rightEdge - left) / 2, (top - bottom) / 2};
         if (half[0] < half[1] * aspect)
             half[0] = half[1] * aspect;
         else
             half[1] = half[0] / aspect;
-        const Vec3d at((low[0] + high[0]) / 2 + right * half[0], (low[1] + high[1]) / 2 + up * half[1], 0);
+        const Vec3d at((left + rightEdge) / 2 + right * half[0], (bottom + top) / 2 + up * half[1], 0);
         bearing.origin += viewer.orientation * at;
     } else {
         const double t = portable::tan(std::clamp(fieldOfViewOf(view), 1e-6, M_PI - 1e-6) / 2);

@@ -12,6 +12,7 @@
 #include <rtsg/core/portable_math.h>
 #include <rtsg/core/rotation.h>
 #include "avatar.h"
+#include "avatar_sweep.h"
 #include "scene/view_pose.h"
 #include "state/state.h"
 #include "viewer_move.h"
@@ -27,6 +28,10 @@ constexpr double kRotationRate = M_PI / 4;  // radians a second, of keys
 constexpr double kOrbitPerHalf = M_PI / 2;  // radians, of a drag by half the picture's smaller side
 constexpr double kWheelStep = .9;           // of the distance to the centre
 constexpr double kWheelSeconds = .25;       // at NavigationInfo's speed
+constexpr double kLargestZoom = 1e6;
+/// Buttons whose drag moves the viewer along the picture in EXAMINE.
+constexpr std::uint32_t kPanButtons = PointerInput::kSecondary | PointerInput::kMiddle;
+constexpr double kPanRate = .5;  // halves of the picture a second, of keys
 
 /// The events of a frame's queue that navigation answers.
 struct Devices {
@@ -57,12 +62,25 @@ bool isHeld(const Scene& scene, std::int32_t device) {
     }
     return false;
 }
-bool wasDown(const Scene& scene, std::int32_t device) {
+/// The buttons that were down before this frame.
+std::uint32_t buttonsBefore(const Scene& scene, std::int32_t device) {
     constexpr std::size_t kRow = 9;  // device, buttons, kind, bearing
     const auto& rows = scene.node(scene.root()).get(Root::_pointers);
     for (std::size_t k = 0; k + kRow <= rows.size(); k += kRow)
-        if (rows[k] == device) return (static_cast<std::uint32_t>(rows[k + 1]) & PointerInput::kPrimary) != 0;
-    return false;
+        if (rows[k] == device) return static_cast<std::uint32_t>(rows[k + 1]);
+    return 0;
+}
+
+/// Half the smaller side of what an OrthoViewpoint shows, in metres.
+double halfExtent(const Node& orthoViewpoint) {
+    const auto [left, bottom, right, top] = extentOf(orthoViewpoint);
+    return std::min(right - left, top - bottom) / 2;
+}
+/// The zoom at which a ball fills the picture's smaller side; 1 for a perspective.
+double zoomTo(const Node& view, double radius) {
+    if (!view.is(x3d::OrthoViewpoint::type) || !(radius > 0)) return 1;
+    const double now = viewOf(view)->zoom, zoom = now * halfExtent(view) / radius;
+    return std::isfinite(zoom) ? std::clamp(zoom, 1 / kLargestZoom, kLargestZoom) : 1;
 }
 
 std::uint32_t keyBit(ActionKey key) {
@@ -211,8 +229,11 @@ class Navigator {
 
     // ---- steering ----------------------------------------------------------------------------------------------
 
+    bool examines() const { return type_ == NavigationType::examine || type_ == NavigationType::lookAt; }
+    bool isOrtho() const { return view_.is(x3d::OrthoViewpoint::type); }
+
     void steer(const Devices& devices) {
-        if (type_ == NavigationType::examine || type_ == NavigationType::lookAt)
+        if (examines())
             examine(devices);
         else
             travel(devices);
@@ -224,12 +245,24 @@ class Navigator {
     void orbit(double right, double up) {
         if (right != 0 || up != 0) pose_ = orbited(pose_, center(), -right, up);
     }
+    /// Along the picture, in halves of its smaller side at the centre's distance; what is seen goes the other way.
+    void pan(double right, double up) {
+        if (right == 0 && up == 0) return;
+        const double depth = std::abs(glm::dot(center() - pose_.position, pose_.orientation * glm::dvec3(0, 0, -1)));
+        const double half = isOrtho() ? halfExtent(view_) : portable::tan(halfAngle(view_)) * std::max(depth, 1e-6);
+        pose_.position += pose_.orientation * glm::dvec3(right * half, up * half, 0);
+    }
     void examine(const Devices& devices) {
-        const double angle = kRotationRate * devices.seconds;
-        orbit(between(Key::kLeft, Key::kRight) * angle + devices.rotation.x,
-              between(Key::kDown, Key::kUp) * angle + devices.rotation.y);
-        if (devices.wheel.y != 0)
-            pose_.position = center() + (pose_.position - center()) * portable::pow(kWheelStep, -devices.wheel.y);
+        const double right = between(Key::kLeft, Key::kRight), up = between(Key::kDown, Key::kUp);
+        const double angle = isDown(Key::kAlt) ? 0 : kRotationRate * devices.seconds;
+        if (isDown(Key::kAlt)) pan(right * kPanRate * devices.seconds, up * kPanRate * devices.seconds);
+        orbit(right * angle + devices.rotation.x, up * angle + devices.rotation.y);
+        if (devices.wheel.y == 0) return;
+        // Nearness changes nothing in a parallel projection (23.4.5).
+        if (const double nearer = portable::pow(kWheelStep, -devices.wheel.y); isOrtho())
+            pose_.zoom = std::clamp(pose_.zoom / nearer, 1 / kLargestZoom, kLargestZoom);
+        else
+            pose_.position = center() + (pose_.position - center()) * nearer;
     }
 
     void travel(const Devices& devices) {
@@ -266,15 +299,62 @@ class Navigator {
         const CastRay cast = [this](const glm::dvec3& from, const glm::dvec3& direction, double length) {
             return this->cast(from, direction, length);
         };
-        const glm::dvec3 there = moves ? slideBy(pose_.position, motion, size, walks, cast) : pose_.position;
+        const glm::dvec3 there = moves ? slide(motion, size, walks, cast) : pose_.position;
         if (!walks || !state_.walking || !(moves || state_.fallSpeed != 0 || devices.anyMoved)) {
             pose_.position = there;
             return;
         }
-        const Stand stand = standOrFall(there, state_.fallSpeed, devices.seconds, size, cast);
+        const Stand stand = standOrFall(there, state_.fallSpeed, devices.seconds, size, cast, there - pose_.position);
         state_.fallSpeed = stand.fallSpeed;
         if (!stand.blocked) pose_.position = stand.eye;
     }
+
+    glm::dvec3 slide(const glm::dvec3& motion, const Avatar& size, bool walks, const CastRay& cast) {
+        if (!queries_->knowsTriangles()) return slideBy(pose_.position, motion, size, walks, cast);
+        return slideBy(pose_.position, motion, [&](const glm::dvec3& eye, const glm::dvec3& direction, double length) {
+            return firstTouched({eye, direction, length, walks}, size);
+        });
+    }
+    /// Piece by piece, so that the ball around a piece is not much larger than the avatar.
+    std::optional<Met> firstTouched(const AvatarPath& path, const Avatar& size) {
+        constexpr double kMaxPieces = 64;
+        const double pieces = std::clamp(std::ceil(path.length / (4 * std::max(size.radius, .1))), 1.0, kMaxPieces);
+        for (double piece = 0; piece < pieces; ++piece) {
+            AvatarPath part = path;
+            part.eye += path.direction * (path.length * piece / pieces);
+            part.length /= pieces;
+            Touched touched(*this, part, size);
+            const SweptBall ball = ballAround(part, size);
+            double stretch = 0;
+            for (int i = 0; i < 3; ++i) stretch = std::max(stretch, glm::length(glm::dvec3(world_[i])));
+            (void)queries_->obstaclesNear(world_ * glm::dvec4(ball.center, 1), ball.radius * stretch, touched);
+            if (!touched.first) continue;
+            touched.first->distance += path.length * piece / pieces;
+            return touched.first;
+        }
+        return std::nullopt;
+    }
+    /// Keeps the first of the triangles that the avatar touches.
+    class Touched final : public TriangleTest {
+      public:
+        Touched(const Navigator& navigator, const AvatarPath& path, const Avatar& size)
+            : scene_(navigator.scene_), local_(glm::inverse(navigator.world_)), path_(path), size_(size) {}
+        bool concerns(const std::vector<NodeId>& path) override { return stopsAvatars(scene_, path); }
+        bool meets(const std::array<Vec3d, 3>& corners) override {
+            std::array<glm::dvec3, 3> triangle;
+            for (std::size_t i = 0; i < 3; ++i) triangle[i] = local_ * glm::dvec4(corners[i], 1);
+            const auto met = sweepAvatar(path_, size_, triangle);
+            if (met && (!first || met->distance < first->distance)) first = met;
+            return false;  // all are looked at
+        }
+        std::optional<Met> first;
+
+      private:
+        const Scene& scene_;
+        const glm::dmat4 local_;
+        const AvatarPath& path_;
+        const Avatar& size_;
+    };
 
     /// The first surface that collides (23.4.2), all in the coordinates around the viewpoint.
     std::optional<Met> cast(const glm::dvec3& from, const glm::dvec3& direction, double length) {
@@ -315,13 +395,10 @@ class Navigator {
         const glm::dquat back = glm::conjugate(eye.orientation);
         const glm::dvec3 direction = back * pointer.direction;
         Vec2d point = Vec2d(direction) / (-direction.z * portable::tan(halfAngle(view_)));
-        if (view_.is(x3d::OrthoViewpoint::type)) {
-            const auto& field = view_.get(x3d::OrthoViewpoint::fieldOfView);
-            Vec2d low(-1), high(1);
-            for (int i = 0; i < 2 && field.size() == 4; ++i)
-                low[i] = field[std::size_t(i)], high[i] = field[std::size_t(i) + 2];
-            const Vec2d half = (high - low) * .5;
-            point = (Vec2d(back * (pointer.origin - eye.position)) - (low + high) * .5) / std::min(half.x, half.y);
+        if (isOrtho()) {
+            const auto [left, bottom, right, top] = extentOf(view_);
+            const Vec2d middle(left + right, bottom + top);
+            point = (Vec2d(back * (pointer.origin - eye.position)) - middle * .5) / halfExtent(view_);
         } else if (!(direction.z < 0)) {
             return std::nullopt;
         }
@@ -332,7 +409,10 @@ class Navigator {
         const auto at = pointerPosition(pointer);
         if (!state_.dragging || !at || *at == state_.at || isHeld(scene_, pointer.device)) return;
         const Vec2d by = *at - state_.at;
-        if (type_ == NavigationType::examine || type_ == NavigationType::lookAt)
+        const bool pans = (buttonsBefore(scene_, pointer.device) & PointerInput::kPrimary) == 0;
+        if (pans)
+            pan(-by.x, -by.y);
+        else if (examines())
             orbit(by.x * kOrbitPerHalf, by.y * kOrbitPerHalf);
         else
             pose_ = turned(pose_, by.x * halfAngle(view_), -by.y * halfAngle(view_));
@@ -340,7 +420,9 @@ class Navigator {
     }
 
     void readPointer(const PointerInput& pointer, ViewerMove& move, bool rests) {
-        const bool down = (pointer.buttons & PointerInput::kPrimary) != 0, was = wasDown(scene_, pointer.device);
+        const std::uint32_t drags = PointerInput::kPrimary | (examines() ? kPanButtons : 0);
+        const std::uint32_t before = buttonsBefore(scene_, pointer.device);
+        const bool down = (pointer.buttons & drags) != 0, was = (before & drags) != 0;
         const auto at = pointerPosition(pointer);
         if (at) state_.at = *at;
         if (down && !was) {
@@ -350,7 +432,7 @@ class Navigator {
             state_.dragging = false;
         }
         if (down) return;
-        const bool clicked = was && state_.dragging && !state_.dragged;
+        const bool clicked = (before & PointerInput::kPrimary) != 0 && state_.dragging && !state_.dragged;
         state_.dragging = state_.dragged = false;
         state_.at = Vec2d(0);
         if (clicked && !rests && type_ == NavigationType::lookAt && pointer.hit) lookAt(*pointer.hit, move);
@@ -373,7 +455,8 @@ class Navigator {
             glm::dvec3 away = pose_.position - middle;
             if (!(glm::length(away) > 0)) away = pose_.orientation * glm::dvec3(0, 0, 1);
             away = glm::normalize(away);
-            const ViewerPose there{middle + away * (radius / portable::sin(halfAngle(view_))), lookAlong(-away, pose_)};
+            ViewerPose there{middle + away * (radius / portable::sin(halfAngle(view_))), lookAlong(-away, pose_)};
+            there.zoom = zoomTo(view_, radius);
             move.kind = ViewerMove::Kind::look;
             move.center = middle;
             target_ = relative(authorsView(view_, fields_), there);
@@ -417,7 +500,9 @@ std::optional<BoundView> boundView(const Scene& scene) {
 ViewerPose viewerPose(const Scene& scene) {
     WorldTransforms positions(scene);
     const Viewer viewer = positions.viewer(scene.root());
-    return {viewer.position, viewer.orientation};
+    const Node* view = topOfStack(scene, "_viewpointStack");
+    const auto pose = view ? viewOf(*view) : std::nullopt;
+    return {viewer.position, viewer.orientation, pose ? pose->zoom : 1};
 }
 
 NavigationType navigationType(const Scene& scene) {
@@ -479,7 +564,8 @@ Result<> moveViewer(Scene& scene, const ViewerPose& pose, bool animated) {
     ViewerMove move;
     move.kind = animated ? ViewerMove::Kind::animate : ViewerMove::Kind::jump;
     move.viewpoint = bound->view->id();
-    const ViewerPose local = transformed(glm::inverse(bound->world), {pose.position, glm::normalize(pose.orientation)});
+    const ViewerPose local =
+        transformed(glm::inverse(bound->world), {pose.position, glm::normalize(pose.orientation), pose.zoom});
     move.offset = relative(authorsView(*bound->view, bound->fields), local);
     if (!isFinite(move.offset)) return fail("a viewer's pose is out of reach");
     return scene.sendEvent(scene.root(), Root::navigate.index, move.toValue());
@@ -502,7 +588,69 @@ Result<> viewAll(Scene& scene, SpaceQueries& queries) {
     ViewerPose pose = viewerPose(scene);
     const glm::dvec3 back = pose.orientation * glm::dvec3(0, 0, 1);
     pose.position = (low + high) * .5 + back * (radius / portable::sin(halfAngle(*bound->view)));
+    pose.zoom = zoomTo(*bound->view, radius);
     return moveViewer(scene, pose);
+}
+
+Result<> straightenViewer(Scene& scene) {
+    const auto bound = boundView(scene);
+    if (!bound) return fail("no viewpoint is bound from which a viewer could move");
+    ViewerPose local = *viewOf(*bound->view);
+    local.orientation = lookAlong(local.orientation * glm::dvec3(0, 0, -1), local);
+    return moveViewer(scene, transformed(bound->world, local));
+}
+
+// ---- the user's choice -------------------------------------------------------------------------------------------
+
+namespace {
+
+constexpr std::pair<NavigationType, const char*> kTypeNames[] = {{NavigationType::examine, "EXAMINE"},
+                                                                 {NavigationType::walk, "WALK"},
+                                                                 {NavigationType::fly, "FLY"},
+                                                                 {NavigationType::lookAt, "LOOKAT"},
+                                                                 {NavigationType::none, "NONE"}};
+
+/// The bound NavigationInfo; if none is bound, a new one, which will be bound in the next frame.
+Result<NodeId> infoToChange(Scene& scene) {
+    using N = x3d::NavigationInfo;
+    if (const Node* info = boundInfo(scene)) return info->id();
+    const Node* layer = scene.find(scene.node(scene.root()).get(Root::_activeLayer));
+    const Node& holder = layer ? *layer : scene.node(scene.root());
+    const FieldIndex below = holder.type().findExact("children");
+    if (below == kNoField) return fail("there is no place for a NavigationInfo in the active layer");
+    Array<NodeId> all = holder.get(Field<Array<NodeId>>{below});
+    const NodeId info = scene.createNode(N::type);
+    all.push_back(info);
+    if (auto ok = scene.setField(holder.id(), below, Value(std::move(all))); !ok) return std::unexpected(ok.error());
+    if (auto ok = scene.sendEvent(info, N::set_bind.index, Value(true)); !ok) return std::unexpected(ok.error());
+    return info;
+}
+
+}  // namespace
+
+std::string_view nameOf(NavigationType type) {
+    for (const auto& [one, name] : kTypeNames)
+        if (one == type) return name;
+    return "EXAMINE";
+}
+
+double navigationSpeed(const Scene& scene) {
+    const Node* info = boundInfo(scene);
+    return info ? double{info->get(x3d::NavigationInfo::speed)} : 1;
+}
+
+Result<> chooseNavigation(Scene& scene, NavigationType type) {
+    auto info = infoToChange(scene);
+    if (!info) return std::unexpected(info.error());
+    return scene.sendEvent(*info, x3d::NavigationInfo::type_.index,
+                           Value(Array<String>{String(nameOf(type)), String("ANY")}));
+}
+
+Result<> chooseSpeed(Scene& scene, double speed) {
+    if (!std::isfinite(speed) || !(speed > 0)) return fail("a viewer's speed is above 0");
+    auto info = infoToChange(scene);
+    if (!info) return std::unexpected(info.error());
+    return scene.sendEvent(*info, x3d::NavigationInfo::speed.index, Value(static_cast<float>(speed)));
 }
 
 // ---- a frame -----------------------------------------------------------------------------------------------------

@@ -55,12 +55,14 @@ Array<double> ViewerMove::toValue() const {
          {offset.position.x, offset.position.y, offset.position.z, q.x, q.y, q.z, q.w, center.x, center.y, center.z})
         value.push_back(number);
     if (state) append(value, *state);
+    if (offset.zoom != 1) value.push_back(offset.zoom);
     return value;
 }
 
 Result<ViewerMove> ViewerMove::fromValue(const Array<double>& v) {
-    if (v.size() != kMove && v.size() != kMove + NavigationState::kNumbers)
-        return fail("a viewer's move is of a wrong length");
+    constexpr std::size_t kWithState = kMove + NavigationState::kNumbers;
+    const bool hasState = v.size() >= kWithState, zooms = v.size() == kMove + 1 || v.size() == kWithState + 1;
+    if (v.size() != kMove && v.size() != kWithState && !zooms) return fail("a viewer's move is of a wrong length");
     for (const double number : v)
         if (!std::isfinite(number)) return fail("a viewer's move is not finite");
     if (!isComplete(v[0], 3)) return fail("a viewer's move is of an unknown kind");
@@ -74,7 +76,9 @@ Result<ViewerMove> ViewerMove::fromValue(const Array<double>& v) {
     if (std::abs(glm::length(q) - 1) > kUnit) return fail("a viewer's move turns by what is no rotation");
     move.offset.orientation = q;
     move.center = {v[9], v[10], v[11]};
-    if (v.size() == kMove) return move;
+    if (zooms && !(v[v.size() - 1] > 0)) return fail("a viewer's move zooms by what is no factor");
+    if (zooms) move.offset.zoom = v[v.size() - 1];
+    if (!hasState) return move;
     if (!isState(v.data() + kMove)) return fail("a viewer's move goes on from no state");
     move.state = stateFrom(v.data() + kMove);
     return move;

@@ -32,7 +32,7 @@ struct ViewerMove {
     /// stay: only the state has changed. look: as animate, and `center` becomes the centre of rotation.
     enum class Kind : std::uint8_t { stay = 0, jump = 1, animate = 2, look = 3 } kind = Kind::stay;
     NodeId viewpoint;
-    ViewerPose offset;  // from the viewpoint, in its own frame
+    ViewerPose offset;  // from the viewpoint, in its own frame; its zoom is the value's last number, unless it is 1
     Vec3d center{0};    // in the coordinates around the viewpoint
     /// None: an application has moved the viewer.
     std::optional<NavigationState> state;

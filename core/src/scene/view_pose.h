@@ -41,19 +41,31 @@ inline std::optional<ViewFields> viewFields(const Node& node) {
 inline bool isFinite(const ViewerPose& pose) {
     const glm::dquat& q = pose.orientation;
     return std::isfinite(pose.position.x + pose.position.y + pose.position.z) && std::isfinite(q.x + q.y + q.z + q.w) &&
-           glm::length(q) > 0;
+           glm::length(q) > 0 && std::isfinite(pose.zoom) && pose.zoom > 0;
+}
+/// The orientation as hidden fields keep it: a quaternion as long as the zoom.
+inline glm::dquat zoomedRotation(const ViewerPose& pose) {
+    return pose.zoom == 1 ? pose.orientation : pose.orientation * pose.zoom;
+}
+/// The other way round.
+inline ViewerPose zoomedPose(const Vec3d& position, const glm::dquat& zoomed) {
+    constexpr double kRounding = 1e-9;  // of a rotation without zoom
+    const double zoom = glm::length(zoomed);
+    if (!(zoom > 0) || std::abs(zoom - 1) < kRounding) return {position, zoomed};
+    return {position, zoomed / zoom, zoom};
 }
 /// `inner` is in `outer`'s own frame.
 inline ViewerPose composed(const ViewerPose& outer, const ViewerPose& inner) {
-    return {outer.position + outer.orientation * inner.position, glm::normalize(outer.orientation * inner.orientation)};
+    return {outer.position + outer.orientation * inner.position, glm::normalize(outer.orientation * inner.orientation),
+            outer.zoom * inner.zoom};
 }
 /// The other way round: `pose` as seen from `outer`.
 inline ViewerPose relative(const ViewerPose& outer, const ViewerPose& pose) {
     const glm::dquat back = glm::conjugate(outer.orientation);
-    return {back * (pose.position - outer.position), glm::normalize(back * pose.orientation)};
+    return {back * (pose.position - outer.position), glm::normalize(back * pose.orientation), pose.zoom / outer.zoom};
 }
 inline ViewerPose transformed(const glm::dmat4& matrix, const ViewerPose& pose) {
-    return {matrix * glm::dvec4(pose.position, 1), glm::normalize(rotationPart(matrix) * pose.orientation)};
+    return {matrix * glm::dvec4(pose.position, 1), glm::normalize(rotationPart(matrix) * pose.orientation), pose.zoom};
 }
 
 /// The pose that the viewpoint's fields describe, without the user's way from there.

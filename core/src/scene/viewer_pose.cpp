@@ -36,7 +36,8 @@ double fieldOfViewOf(const Node* viewpoint) {
 
 ViewerPose userOffset(const Node& viewpoint, const ViewFields& fields) {
     const Vec4d& q = viewpoint.get(fields.userRotation);
-    const ViewerPose offset{viewpoint.get(fields.userPosition), glm::dquat(q.w, q.x, q.y, q.z)};
+    ViewerPose offset = zoomedPose(viewpoint.get(fields.userPosition), glm::dquat(q.w, q.x, q.y, q.z));
+    if (!viewpoint.is(x3d::OrthoViewpoint::type)) offset.zoom = 1;
     return isFinite(offset) ? offset : ViewerPose{};
 }
 
@@ -60,6 +61,20 @@ std::optional<ViewerPose> movedView(const Node& viewpoint) {
     const ViewerPose offset = userOffset(viewpoint, *fields);
     if (offset == ViewerPose{}) return std::nullopt;
     return composed(authorsView(viewpoint, *fields), offset);
+}
+
+std::array<double, 4> extentOf(const Node& orthoViewpoint) {
+    std::array<double, 4> extent{-1, -1, 1, 1};
+    if (!orthoViewpoint.is(x3d::OrthoViewpoint::type)) return extent;
+    const auto& field = orthoViewpoint.get(x3d::OrthoViewpoint::fieldOfView);
+    for (std::size_t i = 0; i < 4 && field.size() >= 4; ++i) extent[i] = double{field[i]};
+    const auto moved = movedView(orthoViewpoint);
+    if (!moved || moved->zoom == 1) return extent;
+    for (std::size_t i = 0; i < 2; ++i) {
+        const double middle = (extent[i] + extent[i + 2]) / 2, half = (extent[i + 2] - extent[i]) / 2 / moved->zoom;
+        extent[i] = middle - half, extent[i + 2] = middle + half;
+    }
+    return extent;
 }
 
 Rotation orientationOf(const ViewerPose& pose) {

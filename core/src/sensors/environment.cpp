@@ -130,9 +130,8 @@ std::vector<glm::dvec4> viewVolume(const Scene& scene, const Viewer& viewer) {
     std::vector<glm::dvec4> planes{{0, 0, -1, 0}};  // before the eye
     const Node* view = viewer.viewpoint ? scene.find(viewer.viewpoint) : nullptr;
     if (view && view->is(x3d::OrthoViewpoint::type)) {
-        const auto& field = view->get(x3d::OrthoViewpoint::fieldOfView);
-        const double low = field.size() == 4 ? std::min<double>(field[0], field[1]) : -1;
-        const double high = field.size() == 4 ? std::max<double>(field[2], field[3]) : 1;
+        const auto field = extentOf(*view);
+        const double low = std::min(field[0], field[1]), high = std::max(field[2], field[3]);
         planes.insert(planes.end(), {{1, 0, 0, -low * kAspect}, {-1, 0, 0, high * kAspect}});
         planes.insert(planes.end(), {{0, 1, 0, -low}, {0, -1, 0, high}});
         return planes;

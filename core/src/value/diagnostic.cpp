@@ -22,6 +22,7 @@ constexpr FileCode kFileCodes[] = {
     {"/core/src/value/output_file", DiagnosticCode("output")},
     {"/core/src/value/read_descriptor", DiagnosticCode("file")},
     {"/core/src/value/memory", DiagnosticCode("memory")},
+    {"/core/src/sandbox/", DiagnosticCode("sandbox")},
     {"/core/src/value/module", DiagnosticCode("module")},
     {"/core/src/value/geo_system", DiagnosticCode("geography")},
     {"/core/src/value/dis_pdu", DiagnosticCode("pdu")},

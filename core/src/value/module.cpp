@@ -4,6 +4,8 @@
 
 #include <cstring>
 #include <stdexcept>
+#include <string>
+#include <string_view>
 
 #include <cxxabi.h>
 #include <dlfcn.h>
@@ -15,10 +17,27 @@ extern void* __dso_handle;  // NOLINT(bugprone-reserved-identifier,readability-i
 
 namespace rtsg {
 
+namespace {
+
+/// " (Debian package rtsg-window)" of rtsg_sdl; nothing of modules that are in none.
+std::string packageOf(std::string_view name) {
+    struct Row {
+        std::string_view module, package;
+    };
+    static constexpr Row kRows[] = {
+#include "module_packages.inc"
+    };
+    for (const Row& row : kRows)
+        if (row.module == name) return fmt::format(" (Debian package {})", row.package);
+    return {};
+}
+
+}  // namespace
+
 Result<void*> loadModule(const char* name, const char* symbol, std::string_view need) {
     const std::string file = fmt::format("lib{}.so", name);
     void* module = ::dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL);
-    if (!module) return fail(fmt::format("{} the module {}: {}", need, file, ::dlerror()));
+    if (!module) return fail(fmt::format("{} the module {}{}: {}", need, file, packageOf(name), ::dlerror()));
     void* found = ::dlsym(module, symbol);
     if (!found) return fail(fmt::format("the module {} belongs to another version of this program", file));
     return found;

@@ -2,13 +2,15 @@
 #include "import_modeller.h"
 
 #include <algorithm>
+#include <charconv>
+#include <stdexcept>
 
 #include <rtsg/core/memory.h>
 #include <rtsg/core/module.h>
+#include <rtsg/core/sandbox.h>
 #include <rtsg/documents/filter.h>
 
 #include "assimp_module.h"
-#include "guarded_process.h"
 
 namespace rtsg::detail {
 
@@ -81,6 +83,31 @@ class PlainMaterials final : public Filter {
                                            // none
 };
 
+#ifndef RTSG_NO_ASSIMP
+Result<MakeGlb> makerOfGlb() {
+    const auto symbol = loadModule("rtsg_assimp", RTSG_ASSIMP_SYMBOL, "files of modellers need");
+    if (!symbol) return std::unexpected(symbol.error());
+    return reinterpret_cast<MakeGlb (*)()>(*symbol)();
+}
+Result<> prepareModeller() {
+    const auto maker = makerOfGlb();
+    return maker ? Result<>() : std::unexpected(maker.error());
+}
+/// The head is the extension. One text comes back: how long the library's faults are, these, and the GLB.
+void serveModeller(SandboxJob& job) {
+    const std::string extension(job.head());
+    const std::string_view bytes(reinterpret_cast<const char*>(job.bytes().data()), job.bytes().size());
+    std::string glb, faults;
+    if (!(*makerOfGlb())(bytes, extension.c_str(), glb, faults)) throw std::runtime_error(glb);
+    const std::string first = std::to_string(faults.size()) + ' ' + faults;
+    std::uint8_t* const to = job.room(first.size() + glb.size()).data();
+    std::ranges::copy(first, to);
+    std::ranges::copy(glb, to + first.size());
+    job.answer({});
+}
+constexpr SandboxTask kModeller{"files of modellers", prepareModeller, serveModeller, true};
+#endif
+
 /// The first of its lines, without what kind of a message it is.
 std::string_view lineOf(std::string_view messages) {
     const std::string_view line = messages.substr(0, messages.find('\n'));
@@ -102,30 +129,23 @@ bool importModeller(const ImportInput& input, DocumentHandler& handler, Diagnost
                       DiagnosticCode("module"));
     return false;
 #else
-    const auto symbol = loadModule("rtsg_assimp", RTSG_ASSIMP_SYMBOL, name + " files need");
-    if (!symbol) {
-        diagnostics.error({}, symbol.error().text, symbol.error().code);
-        return false;
-    }
-    const MakeGlb make = reinterpret_cast<MakeGlb (*)()>(*symbol)();
     constexpr std::uint64_t kMax = std::uint64_t{4} << 30, kMaxSeconds = 60;
     const std::uint64_t room = memoryLimit() - std::min(heldMemory(), memoryLimit());
-    // One text comes back: how long the library's faults are, these, and the GLB.
-    const auto created = runGuarded(
-        [&](std::string& result) {
-            std::string glb, faults;
-            if (!make(input.bytes, kind->extension, glb, faults)) return result = std::move(glb), false;
-            result = std::to_string(faults.size()) + ' ' + faults + glb;
-            return true;
-        },
+    const auto created = runSandboxed(
+        kModeller, kind->extension, {reinterpret_cast<const std::uint8_t*>(input.bytes.data()), input.bytes.size()}, {},
         {std::min({input.maximumBytes, kMax, room}), static_cast<unsigned>(std::min(input.time.left(), kMaxSeconds))});
+    std::string text(created ? created->size() : 0, '\0');
+    if (created && !created->read({reinterpret_cast<std::uint8_t*>(text.data()), text.size()})) text.clear();
     if (!created) {
         diagnostics.error({}, "the " + name + " file cannot be read: " + created.error().text);
         return false;
     }
-    const std::size_t blank = created->find(' ');
-    std::string_view glb = std::string_view(*created).substr(blank + 1);
-    std::string_view faults = glb.substr(0, std::stoul(created->substr(0, blank)));
+    // What a broken library says may be anything.
+    const std::size_t blank = std::min(text.find(' '), text.size());
+    std::size_t length = 0;
+    std::from_chars(text.data(), text.data() + blank, length);
+    std::string_view glb = std::string_view(text).substr(std::min(blank + 1, text.size()));
+    std::string_view faults = glb.substr(0, length);
     glb.remove_prefix(faults.size());
     while (!faults.empty()) {
         // What has no material gets one that is grey, as here.

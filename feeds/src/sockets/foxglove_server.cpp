@@ -3,12 +3,10 @@
 
 #include <algorithm>
 #include <bit>
-#include <charconv>
 #include <chrono>
 #include <cmath>
 #include <cstring>
 #include <map>
-#include <optional>
 #include <utility>
 
 #include <unistd.h>
@@ -19,7 +17,7 @@
 #include <rtsg/core/module.h>
 
 #include "endpoint.h"
-#include "lines/json_scanner.h"
+#include "lines/viewer_request.h"
 #include "sockets/web_module.h"
 
 namespace rtsg {
@@ -57,76 +55,6 @@ void appendNumber(std::string& out, auto number) {
 std::uint64_t nanosecondsOf(double time) {
     constexpr double kNanoseconds = 1e9;
     return static_cast<std::uint64_t>(std::llround(std::max(0., time) * kNanoseconds));
-}
-
-/// What a viewer asks for.
-struct ViewerRequest {
-    std::string op;
-    std::vector<std::pair<std::uint32_t, std::uint32_t>> subscriptions;  // their numbers, and channels
-    std::vector<std::uint32_t> ended;
-};
-
-/// Reads the members of an object: `member(key)` reads each value.
-bool readObject(feeds::JsonScanner& in, const auto& member) {
-    std::string key;
-    if (!in.take('{')) return in.refuse("expected '{'");
-    if (in.take('}')) return true;
-    do {
-        if (!in.string(key) || !(in.take(':') || in.refuse("expected ':'")) || !member(key)) return false;
-    } while (in.take(','));
-    return in.take('}') || in.refuse("expected ',' or '}'");
-}
-
-bool readArray(feeds::JsonScanner& in, const auto& element) {
-    if (!in.take('[')) return in.refuse("expected '['");
-    if (in.take(']')) return true;
-    do {
-        if (!element()) return false;
-    } while (in.take(','));
-    return in.take(']') || in.refuse("expected ',' or ']'");
-}
-
-bool readId(feeds::JsonScanner& in, std::optional<std::uint32_t>& id) {
-    std::string_view word;
-    if (in.next() == '"' || in.next() == '[' || in.next() == '{') return in.refuse("expected a number");
-    if (!in.word(word)) return false;
-    std::uint32_t number = 0;
-    const auto [end, problem] = std::from_chars(word.data(), word.data() + word.size(), number);
-    if (problem != std::errc() || end != word.data() + word.size())
-        return in.refuse(fmt::format("{} is no number of a subscription or channel", word));
-    id = number;
-    return true;
-}
-
-Result<ViewerRequest> readRequest(std::string text) {
-    std::ranges::replace(text, '\n', ' ');  // the scanner is for lines
-    feeds::JsonScanner in(text);
-    ViewerRequest request;
-    const auto subscription = [&] {
-        std::optional<std::uint32_t> id, channel;
-        const bool read = readObject(in, [&](const std::string& key) {
-            return key == "id" ? readId(in, id) : key == "channelId" ? readId(in, channel) : in.skip();
-        });
-        if (read && (!id || !channel)) return in.refuse("a subscription has an id and a channelId");
-        if (read) request.subscriptions.emplace_back(*id, *channel);
-        return read;
-    };
-    const auto ended = [&] {
-        std::optional<std::uint32_t> id;
-        if (!readId(in, id)) return false;
-        request.ended.push_back(*id);
-        return true;
-    };
-    const bool whole = readObject(in, [&](const std::string& key) {
-        if (key == "op") return in.string(request.op);
-        if (key == "subscriptions") return readArray(in, subscription);
-        if (key == "subscriptionIds") return readArray(in, ended);
-        return in.skip();
-    });
-    if (whole && !in.atEnd()) in.refuse("more follows after the object");
-    if (in.failed()) return std::unexpected(in.problem());
-    if (request.op.empty()) return fail("a message has an op");
-    return request;
 }
 
 }  // namespace
@@ -223,8 +151,8 @@ void FoxgloveServer::State::meet(std::uint64_t client) {
 
 void FoxgloveServer::State::hear(std::uint64_t client, const SocketEvent& news) {
     const auto request = news.kind == SocketEvent::Kind::text
-                             ? readRequest(news.text)
-                             : Result<ViewerRequest>(fail("nothing is published from here to the scene"));
+                             ? feeds::readViewerRequest(news.text)
+                             : Result<feeds::ViewerRequest>(fail("nothing is published from here to the scene"));
     const bool known = request && (request->op == "subscribe" || request->op == "unsubscribe");
     if (!known) {
         ++counts.garbage;

@@ -79,7 +79,7 @@ struct MetricsServer::State {
     bool isLoopback = true;
     feeds::Descriptor socket, stop{::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)};
     std::string address;
-    std::function<std::string()> text;
+    std::function<std::string()> text, trouble;
     std::vector<Asking> asking;
     std::thread thread;
 };
@@ -96,7 +96,8 @@ const std::string& MetricsServer::address() const {
 }
 
 Result<std::unique_ptr<MetricsServer>> MetricsServer::start(const std::string& listen, bool insecure,
-                                                            std::function<std::string()> text) {
+                                                            std::function<std::string()> text,
+                                                            std::function<std::string()> trouble) {
     auto endpoint = metricsEndpoint(listen);
     if (!endpoint) return std::unexpected(endpoint.error());
     auto socket = feeds::listenAt(*endpoint, insecure);
@@ -107,6 +108,7 @@ Result<std::unique_ptr<MetricsServer>> MetricsServer::start(const std::string& l
     state->socket = std::move(*socket);
     state->address = endpoint->text.substr(endpoint->text.find("://") + 3);
     state->text = std::move(text);
+    state->trouble = std::move(trouble);
     state->thread = std::thread([s = state.get()] { s->run(); });
     return std::unique_ptr<MetricsServer>(new MetricsServer(std::move(state)));
 }
@@ -169,7 +171,13 @@ std::string MetricsServer::State::answer(std::string_view request) {
         return answerWith("405 Method Not Allowed", "Only GET and HEAD are answered.\n", false);
     std::string_view target = request.substr(space + 1);
     target = target.substr(0, target.find_first_of(" ?\r"));
-    if (target != "/metrics") return answerWith("404 Not Found", "There is /metrics.\n", method == "HEAD");
+    if (target == "/healthz") {
+        const std::string sentence = trouble ? trouble() : std::string();
+        return answerWith(sentence.empty() ? "200 OK" : "503 Service Unavailable",
+                          sentence.empty() ? "ok\n" : sentence + "\n", method == "HEAD");
+    }
+    if (target != "/metrics")
+        return answerWith("404 Not Found", "There are /metrics and /healthz.\n", method == "HEAD");
     return answerWith("200 OK", text(), method == "HEAD");
 }
 

@@ -4,12 +4,14 @@
 #include <array>
 #include <cmath>
 #include <cstdlib>
+#include <filesystem>
 #include <map>
 #include <memory>
 #include <mutex>
 #include <tuple>
 #include <unordered_map>
 
+#include <dlfcn.h>
 #include <fontconfig/fontconfig.h>
 #include <ft2build.h>
 #include FT_BBOX_H
@@ -241,6 +243,27 @@ struct Run {
     std::size_t firstCharacter, characters;
     bool toTheRight;
 };
+
+/// Fonts in the folder `fonts` beside the module, as archives and wheels have it, are there besides the system's. Where
+/// fontconfig is not installed, the file fonts.conf of that folder stands for its own.
+void takeOwnFonts() {
+    Dl_info about{};
+    if (!::dladdr(reinterpret_cast<void*>(&takeOwnFonts), &about) || !about.dli_fname) return;
+    std::error_code error;
+    const auto folder = std::filesystem::canonical(about.dli_fname, error).parent_path() / "fonts";
+    if (error || !std::filesystem::is_directory(folder, error)) return;
+    FcChar8* const system = FcConfigGetFilename(nullptr, nullptr);
+    const bool configured = system && std::filesystem::exists(reinterpret_cast<const char*>(system), error);
+    FcStrFree(system);
+    if (configured) {
+        FcConfigAppFontAddDir(nullptr, fc(folder.c_str()));
+        return;
+    }
+    FcConfig* const config = FcConfigCreate();
+    if (FcConfigParseAndLoad(config, fc((folder / "fonts.conf").c_str()), FcTrue) && FcConfigBuildFonts(config))
+        FcConfigSetCurrent(config);
+    FcConfigDestroy(config);  // what is current is held
+}
 
 class SystemFonts : public Fonts {
   public:
@@ -495,6 +518,9 @@ class SystemFonts : public Fonts {
 
 extern "C" __attribute__((visibility("default"))) const rtsg::Fonts* RTSG_FONTS_SYMBOL() {
     // For as long as the process lives: whoever draws text keeps no hold of it.
-    static const auto* const fonts = new rtsg::SystemFonts;
+    static const auto* const fonts = [] {
+        rtsg::takeOwnFonts();
+        return new rtsg::SystemFonts;
+    }();
     return fonts;
 }

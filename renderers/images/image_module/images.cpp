@@ -265,6 +265,13 @@ class Files final : public ImageFiles {
         setDelays(file, framesPerSecond);
         return {};
     }
+
+    void workAlone() const override {
+        OIIO::attribute("threads", 1);
+        OIIO::attribute("exr_threads", -1);
+        (void)OIIO::get_string_attribute("format_list");  // finds its readers
+        keepFewTiles();
+    }
 };
 
 /// OpenImageIO 2.5 lets libtiff print faults of files that it only tries; callers say what is wrong with a file.

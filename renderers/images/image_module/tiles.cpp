@@ -207,6 +207,11 @@ class Tiles final : public TiledPicture {
 
 }  // namespace
 
+void keepFewTiles() {
+    constexpr float kMegabytes = 32;
+    cache()->attribute("max_memory_MB", kMegabytes);
+}
+
 std::string openTiledPicture(ByteSource source, const std::string& name, std::unique_ptr<TiledPicture>& out) {
     auto tiles = std::make_unique<Tiles>();
     if (std::string why = tiles->open(std::move(source), name); !why.empty()) return why;

@@ -10,5 +10,7 @@ namespace rtsg {
 
 /// Does what ImageFiles::openTiles() does.
 std::string openTiledPicture(ByteSource source, const std::string& name, std::unique_ptr<TiledPicture>& out);
+/// For who keeps what is read: the cache is small from here on.
+void keepFewTiles();
 
 }  // namespace rtsg

@@ -2,6 +2,9 @@
 #include <rtsg/session/health.h>
 
 #include <algorithm>
+#include <utility>
+
+#include <fmt/format.h>
 
 #include <rtsg/core/memory.h>
 
@@ -11,7 +14,7 @@ using Kind = MetricsText::Kind;
 
 Result<> Health::start(const std::string& listen, bool insecure) {
     if (listen.empty()) return {};
-    auto server = MetricsServer::start(listen, insecure, [this] { return text(); });
+    auto server = MetricsServer::start(listen, insecure, [this] { return text(); }, [this] { return trouble(); });
     if (!server) return fail(server.error().code, "--metrics-port " + server.error().text);
     server_ = std::move(*server);
     return {};
@@ -33,6 +36,7 @@ void Health::noteServer(const MirrorServer& server, std::uint64_t garbage) {
     statistics.garbage += garbage;
     const std::scoped_lock lock(mutex_);
     peers_ = statistics;
+    noteRound();
 }
 
 void Health::noteFeeds(std::vector<EndpointCounts> counts) {
@@ -50,6 +54,7 @@ void Health::noteMirror(const MirrorStatistics& mirror, std::uint64_t garbage) {
     const std::scoped_lock lock(mutex_);
     mirror_ = mirror;
     mirror_->garbage += garbage;
+    noteRound();
 }
 
 void Health::addServer(MetricsText& text) const {
@@ -90,6 +95,19 @@ void Health::addMirror(MetricsText& text) const {
     count("rtsg_repairs_total", "Mismatches that were repaired without a whole state.", s.repairs);
     count("rtsg_garbage_total", "Messages that made no sense.", s.garbage);
     text.add("rtsg_state", Kind::gauge, "Number of the present state.", static_cast<double>(s.sequence));
+}
+
+void Health::noteRound() {
+    const auto now = std::chrono::steady_clock::now();
+    round_ = now - std::exchange(lastRound_, now);
+}
+
+std::string Health::trouble() const {
+    const std::scoped_lock lock(mutex_);
+    const auto still = std::chrono::steady_clock::now() - lastRound_;
+    if (still <= std::max<std::chrono::steady_clock::duration>(kPatience, 3 * round_)) return {};
+    return fmt::format("the session has not moved for {} s",
+                       std::chrono::duration_cast<std::chrono::seconds>(still).count());
 }
 
 std::string Health::text() const {

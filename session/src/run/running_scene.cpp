@@ -189,11 +189,30 @@ std::uint64_t RunningScene::run(const Pace& pace, const std::string& label,
     return done;
 }
 
+namespace {
+
+/// Those that have not been reported, which are counted as reported from now on.
+Diagnostics newOf(const Diagnostics& all, std::size_t& reported) {
+    if (reported == 0) return reported = all.all().size(), all;
+    Diagnostics news(all.file());
+    for (; reported < all.all().size(); ++reported) news.add(all.all()[reported]);
+    return news;
+}
+
+}  // namespace
+
+void RunningScene::reportNews() {
+    if (inlineDiagnostics_.all().size() > reportedOfInlines_)
+        context_.report(newOf(inlineDiagnostics_, reportedOfInlines_));
+    if (scene_.diagnostics().all().size() > reportedOfScene_)
+        context_.report(newOf(scene_.diagnostics(), reportedOfScene_));
+}
+
 void RunningScene::reportDiagnostics(std::string_view known) {
-    context_.report(inlineDiagnostics_);
+    context_.report(newOf(inlineDiagnostics_, reportedOfInlines_));
     context_.damaged(file_, errors_ + inlineDiagnostics_.errors());
     if (followed_ && followed_->isBehind()) context_.leftOut();
-    context_.report(scene_.diagnostics(), known);
+    context_.report(newOf(scene_.diagnostics(), reportedOfScene_), known);
 }
 
 }  // namespace rtsg

@@ -12,6 +12,7 @@
 #include <rtsg/window/own_eye.h>
 
 #include "viewing/log_notes.h"
+#include "viewing/navigation_requests.h"
 #include "viewing/open_sources.h"
 
 namespace rtsg {
@@ -66,6 +67,7 @@ class LogSource final : public ViewSource {
     }
     Result<> answer(const SceneWindowRequest& request) override {
         using Kind = SceneWindowRequest::Kind;
+        if (isAboutMoving(request)) return carryOut(request, *eye_, rules_);
         switch (request.kind) {
             case Kind::skip:
                 return player_->seek(std::clamp(player_->time() + request.number, 0., player_->length()));
@@ -90,6 +92,7 @@ class LogSource final : public ViewSource {
     std::string status() const override {
         return fmt::format("{:.1f} of {:.1f} s", player_->time(), player_->length());
     }
+    void describe(SceneWindowChoices& choices) override { describeMoving(eye_->navigated(), rules_, choices); }
     void describe(SceneWindowStatus& status) override {
         const Replayer& replayer = player_->replayer();
         status.lines.push_back({"verified",
@@ -137,6 +140,7 @@ class LogSource final : public ViewSource {
     std::optional<OwnScene> own_;  // as this eye sees it; none where that makes no difference
     std::optional<WorldOnDemand> world_;
     std::optional<OwnEye> eye_;
+    ObstacleRules rules_;
     LogNotes notes_;
     double time_ = 0;
 };

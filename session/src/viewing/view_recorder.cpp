@@ -13,14 +13,6 @@ namespace {
 
 constexpr double kFilmRate = 30;
 
-std::string freeName(std::string_view extension) {
-    for (int number = 1;; ++number) {
-        std::string name = fmt::format("rtsg-{}{}", number, extension);
-        std::error_code error;
-        if (!std::filesystem::exists(name, error)) return name;
-    }
-}
-
 std::string said(const std::string& file, std::string_view what) {
     return fmt::format("{}: note: {}", file, what);
 }
@@ -75,7 +67,7 @@ void WindowFilm::show(std::shared_ptr<const LivePictureShown> picture, double se
     news_.notify_all();
 }
 
-Result<> WindowFilm::finish(double seconds) {
+void WindowFilm::end(double seconds) {
     {
         const std::scoped_lock lock(mutex_);
         ends_ = true;
@@ -83,16 +75,24 @@ Result<> WindowFilm::finish(double seconds) {
         seconds_ = std::max(seconds, 1 / kFilmRate);
     }
     news_.notify_all();
+}
+
+Result<> WindowFilm::finish(double seconds) {
+    if (!ends_) end(seconds);  // which this thread alone sets
     thread_.join();
-    if (!result_) return result_;
-    if (written_ == 0) return fail("the film has no picture");
-    return writer_.finish();
+    return result_;
 }
 
 void WindowFilm::run() {
+    result_ = encode();
+    isWritten_ = true;
+}
+
+Result<> WindowFilm::encode() {
+    Result<> result;
     std::shared_ptr<const LivePictureShown> before;
     std::unique_lock lock(mutex_);
-    for (bool ends = false; !ends && result_;) {
+    for (bool ends = false; !ends && result;) {
         news_.wait(lock, [this] { return next_ || ends_; });
         const std::shared_ptr<const LivePictureShown> next = std::exchange(next_, nullptr);
         const double seconds = seconds_;
@@ -101,11 +101,15 @@ void WindowFilm::run() {
             lock.unlock();
             const Result<> done = write(*before, static_cast<std::uint64_t>(std::llround(seconds * kFilmRate)));
             lock.lock();
-            result_ = done;
+            result = done;
         }
         before = next ? next : before;
-        if (ends && before && written_ == 0 && result_) result_ = write(*before, 1);
+        if (ends && before && written_ == 0 && result) result = write(*before, 1);
     }
+    lock.unlock();
+    if (!result) return result;
+    if (written_ == 0) return fail("the film has no picture");
+    return writer_.finish();
 }
 
 /// Writes this picture for all frames from the last written one up to this number.
@@ -136,8 +140,9 @@ void ViewRecorder::toggleLog(Scene& scene) {
 
 void ViewRecorder::toggleFilm(const SceneWindow& window, double seconds) {
     if (film_) {
-        const Result<> done = std::exchange(film_, nullptr)->finish(seconds - begun_);
-        done ? context_.note(said(filmFile_, "film written")) : static_cast<void>(context_.report(done.error()));
+        film_->end(seconds - begun_);
+        ended_.push_back({filmFile_, std::move(film_)});
+        context_.note(said(filmFile_, "film ended, and is being written"));
         return;
     }
     filmFile_ = freeName(".mp4");
@@ -151,7 +156,23 @@ void ViewRecorder::toggleFilm(const SceneWindow& window, double seconds) {
 
 void ViewRecorder::show(const SceneWindow& window, double seconds) {
     now_ = seconds;
+    for (Ended& one : ended_)
+        if (one.film->isWritten()) {
+            const Result<> done = std::exchange(one.film, nullptr)->finish(now_);
+            done ? context_.note(said(one.file, "film written")) : static_cast<void>(context_.report(done.error()));
+        }
+    std::erase_if(ended_, [](const Ended& one) { return !one.film; });
     if (film_) film_->show(window.shown(), seconds - begun_);
+}
+
+/// Films get their files at the end.
+std::string ViewRecorder::freeName(std::string_view extension) const {
+    for (int number = 1;; ++number) {
+        std::string name = fmt::format("rtsg-{}{}", number, extension);
+        std::error_code error;
+        const bool isPromised = std::ranges::any_of(ended_, [&](const Ended& one) { return one.file == name; });
+        if (!isPromised && !std::filesystem::exists(name, error)) return name;
+    }
 }
 
 std::string ViewRecorder::status() const {
@@ -163,6 +184,9 @@ std::string ViewRecorder::status() const {
 Result<> ViewRecorder::finish() {
     Result<> result;
     if (log_) result = std::exchange(log_, nullptr)->stop();
+    for (Ended& one : ended_)
+        if (const Result<> done = one.film->finish(now_); result && !done) result = done;
+    ended_.clear();
     if (film_)
         if (const Result<> done = std::exchange(film_, nullptr)->finish(now_ - begun_); result && !done) result = done;
     return result;

@@ -19,6 +19,7 @@
 #include <rtsg/sync/mirror_client.h>
 #include <rtsg/window/own_eye.h>
 
+#include "viewing/navigation_requests.h"
 #include "viewing/open_sources.h"
 
 namespace rtsg {
@@ -89,7 +90,10 @@ class ConnectionWaiter {
 class ServedSource final : public ViewSource {
   public:
     explicit ServedSource(const ViewSourceOptions& options)
-        : patience_(options.patience), resources_(options.resources), context_(options.context) {}
+        : patience_(options.patience),
+          endsWithServer_(options.endsWithServer),
+          resources_(options.resources),
+          context_(options.context) {}
     Result<> open(const ViewSourceOptions& from) {
         registerDocuments(replica_);
         runScripts(replica_);
@@ -140,8 +144,8 @@ class ServedSource final : public ViewSource {
             context_.note("note: the scene is for looking: " + verdict.refusal);
         }
         eye_->advance(t);
-        if (!client_->originLost()) heard_ = Clock::now();
-        left_ = client_->serverLeft() || silence() > patience_;
+        noteReach();
+        left_ = endsWithServer_ && (client_->serverLeft() || silence() > patience_);
         const MirrorClient::Waiting waiting = client_->waiting();
         due_ = t + std::chrono::duration<double>(waiting.maximum).count();
         if (waiter_) waiter_->wait(waiting.descriptors);
@@ -176,11 +180,15 @@ class ServedSource final : public ViewSource {
     }
     std::optional<Camera> eye(double aspect) override { return eye_->camera(aspect); }
     Result<> pause(bool) override { return fail("the time of a served scene cannot be changed here"); }
-    Result<> answer(const SceneWindowRequest&) override { return pause(true); }
+    Result<> answer(const SceneWindowRequest& request) override {
+        return isAboutMoving(request) ? carryOut(request, *eye_, rules_) : pause(true);
+    }
     std::string status() const override {
         const MirrorStatistics& statistics = client_->statistics();
+        if (client_->serverLeft()) return "the session has ended";
         return client_->originLost() ? "out of reach" : statistics.equal ? "equal" : "not equal";
     }
+    void describe(SceneWindowChoices& choices) override { describeMoving(eye_->navigated(), rules_, choices); }
     void describe(SceneWindowStatus& status) override {
         const MirrorStatistics& s = client_->statistics();
         status.lines.push_back({"hash", s.equal ? "equal to the origin's" : "not the origin's", !s.equal, {}});
@@ -188,7 +196,10 @@ class ServedSource final : public ViewSource {
             {"lag", fmt::format("{:.0f} ms, most {:.0f}", 1e3 * s.lag, 1e3 * s.maximumLag), false, {}});
         const std::uint64_t behind = s.originSequence - std::min(s.originSequence, s.sequence);
         if (behind > 0) status.lines.push_back({"behind", fmt::format("{} states", behind), false, {}});
-        if (client_->originLost()) status.lines.push_back({"origin", "out of reach", true, {}});
+        if (client_->serverLeft())
+            status.lines.push_back({"origin", "has ended the session", true, {}});
+        else if (client_->originLost())
+            status.lines.push_back({"origin", fmt::format("out of reach for {:.0f} s", silence()), true, {}});
         if (s.holes > 0) status.lines.push_back({"missed", fmt::format("{:.1f} s", s.missed), true, {}});
     }
     Result<> finish() override {
@@ -200,11 +211,22 @@ class ServedSource final : public ViewSource {
     }
 
   private:
+    /// Says once that the origin is gone, and once that it is back.
+    void noteReach() {
+        const bool isLost = client_->originLost() || client_->serverLeft();
+        if (!isLost) heard_ = Clock::now();
+        if (endsWithServer_ || isLost == std::exchange(wasLost_, isLost)) return;
+        const char* const what = !isLost                 ? "is back"
+                                 : client_->serverLeft() ? "has ended the session: the window stays, and looks for it"
+                                                         : "is out of reach: the window goes on trying";
+        context_.report({isLost ? Severity::warning : Severity::note, endpoint_, {}, what});
+    }
     /// Seconds since the origin was heard.
     double silence() const { return std::chrono::duration<double>(Clock::now() - heard_).count(); }
 
     std::string endpoint_;  // for messages
     const double patience_;
+    const bool endsWithServer_;
     const Resources resources_;
     const SessionContext context_;
     std::optional<FollowedFetches> fetches_;
@@ -214,8 +236,9 @@ class ServedSource final : public ViewSource {
     std::optional<OwnScene> own_;  // as this eye sees it; none where that makes no difference
     std::optional<WorldOnDemand> world_;
     std::optional<OwnEye> eye_;
+    ObstacleRules rules_;
     Clock::time_point heard_ = Clock::now();
-    bool mayAct_ = true, left_ = false;
+    bool mayAct_ = true, left_ = false, wasLost_ = false;
     double due_ = 0;                            // seconds from the start
     std::unique_ptr<ConnectionWaiter> waiter_;  // goes before the client, at whose descriptors it waits
 };

@@ -4,6 +4,11 @@
 #include <limits>
 #include <utility>
 
+#include <fmt/format.h>
+
+#include <rtsg/renderers/world_queries.h>
+
+#include "viewing/navigation_requests.h"
 #include "viewing/open_sources.h"
 
 namespace rtsg {
@@ -21,6 +26,10 @@ class RunningSource final : public ViewSource {
         if (options.reload)
             if (auto ok = running_.followEdits(); !ok) return ok;
         if (!running_.load()) return fail("nothing to see", {}, options.name);
+        if (const std::size_t errors = running_.errors(); options.onlyWhole && errors > 0)
+            return fail(fmt::format("it has {}, and is not opened",
+                                    errors == 1 ? "an error" : fmt::format("{} errors", errors)),
+                        {}, options.name);
         if (auto ok = running_.inject(options.set, 1e9); !ok) return ok;
         running_.frame(0);
         return {};
@@ -36,6 +45,7 @@ class RunningSource final : public ViewSource {
         last_ = t;
         const bool isDue = !isPaused_ && (acts || t - stood_ >= running_.restsUntil());
         if (isDue || running_.isEdited()) running_.frame(t - stood_);
+        running_.reportNews();
         return true;
     }
     double restsUntil() const override {
@@ -57,6 +67,14 @@ class RunningSource final : public ViewSource {
         isPaused_ = on;
         return {};
     }
+    Result<> answer(const SceneWindowRequest& request) override {
+        if (!isAboutMoving(request)) return ViewSource::answer(request);
+        const Result<> done = carryOut(request, scene(), running_.queries(), rules_);
+        running_.queries().setObstacles(rules_);
+        return done;
+    }
+    using ViewSource::describe;
+    void describe(SceneWindowChoices& choices) override { describeMoving(running_.scene(), rules_, choices); }
     Result<> finish() override {
         running_.reportDiagnostics();
         return {};
@@ -64,6 +82,7 @@ class RunningSource final : public ViewSource {
 
   private:
     RunningScene running_;
+    ObstacleRules rules_;
     bool isPaused_ = false;
     double last_ = 0, stood_ = 0;  // seconds
 };

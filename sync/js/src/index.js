@@ -2,7 +2,7 @@
 
 export {FormatError, Reader} from './reader.js';
 export {readRecord, findRecord} from './record.js';
-export {readHead, setCatalogue} from './types.js';
+export {loadCatalogue, readHead, setCatalogue} from './types.js';
 export {Decoder, setInflate} from './decoder.js';
 export {Scene, Node} from './scene.js';
 export {Replay, records} from './log.js';

@@ -64,7 +64,8 @@ export class Node {
 
 export class Scene {
   constructor() {
-    /** `change(node, field)` is called for each value that was set, once the record is applied; null for none. */
+    /** Called once for each record, after it is applied, with what it set: node, number of the field, node, number, and so on in
+     * one flat array, values of new nodes too. Not in it are names, routes, and that nodes are gone. null: nobody is told. */
     this.listener = null;
     this.changed = null;
     /** In streams of version 2, hashes use the numbers of fields. */

@@ -46,7 +46,8 @@ const fs = globalThis.process?.getBuiltinModule?.('node:fs');  // Node 20.16 and
 let catalogue = null, words = null;
 
 /** Sets the bytes of sync/catalogue.bin and sync/words.bin. Scene files name built-in types by their numbers in the
- * catalogue, and their deflated blocks refer to the words. A new enough Node finds these files beside this folder. */
+ * catalogue, and their deflated blocks refer to the words. A new enough Node finds these files by
+ * itself. */
 export function setCatalogue(bytes, wordBytes) {
   words = wordBytes;
   catalogue = [];
@@ -57,10 +58,22 @@ export function setCatalogue(bytes, wordBytes) {
   }
 }
 
+/** Fetches the two files from `folder`, which is that of this package unless another is named; for browsers. */
+export async function loadCatalogue(folder = new URL('../tables/', import.meta.url)) {
+  const files = ['catalogue.bin', 'words.bin'].map(async (name) => {
+    const answer = await fetch(new URL(name, new URL(folder, import.meta.url)));
+    if (!answer.ok) throw new Error(`${answer.url}: ${answer.status} ${answer.statusText}`);
+    return new Uint8Array(await answer.arrayBuffer());
+  });
+  setCatalogue(...await Promise.all(files));
+}
+
 function findCatalogue() {
-  const read = (name) => new Uint8Array(fs.readFileSync(new URL(`../../${name}`, import.meta.url)));
-  if (!catalogue && fs) setCatalogue(read('catalogue.bin'), read('words.bin'));
-  if (!catalogue) throw new FormatError('a scene file, and nothing here that knows its types: see setCatalogue()');
+  // Beside this folder: in the package's own, or in the repository's.
+  const folder = fs && ['../tables/', '../../'].find((one) => fs.existsSync(new URL(`${one}catalogue.bin`, import.meta.url)));
+  const read = (name) => new Uint8Array(fs.readFileSync(new URL(folder + name, import.meta.url)));
+  if (!catalogue && folder) setCatalogue(read('catalogue.bin'), read('words.bin'));
+  if (!catalogue) throw new FormatError('a scene file, and nothing here that knows its types: see loadCatalogue()');
 }
 
 export function wordsOfScenes() {

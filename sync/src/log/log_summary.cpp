@@ -59,7 +59,7 @@ class Counter {
         const bool runs = runs_ && header.kind == RecordKind::input && header.from != header.to;
         if (!keyframe && !runs && header.kind != RecordKind::frame) return;
         if (!lost_ && header.from == state_ && !keyframe) {
-            state_ = header.to;
+            reach(header.to);
             return;
         }
         if (!lost_ && header.to <= state_) {
@@ -74,8 +74,15 @@ class Counter {
         }
         if (s_.sessions == 0) return;  // before the first head nothing says what the frame holds
         if (std::exchange(missing_, false) && header.to > state_) s_.missingFrames += header.to - state_;
-        lost_ = false;
+        if (std::exchange(lost_, false))
+            ++s_.states;
+        else
+            reach(header.to);
         state_ = header.to;
+    }
+    void reach(std::uint64_t state) {
+        s_.states += state != state_;
+        state_ = state;
     }
     /// Notes that states after `last` are missing.
     void miss(std::uint64_t last) {

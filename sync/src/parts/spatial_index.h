@@ -64,7 +64,7 @@ class SpatialIndex {
     bool follow(const Scene& whole, const ChangeSet* set);
 
     std::uint64_t state() const { return state_; }
-    /// Changes each time that everything is built anew. PlaceIds from before are then invalid.
+    /// Changes each time that everything is built anew. An EntryId from before is then invalid.
     std::uint64_t beginning() const { return beginning_; }
     /// Places that the last step added and removed. Removed places can still be looked at, and may be among the added
     /// ones.

@@ -91,7 +91,7 @@ class MirrorPace {
     double lag_ = 0, maximum_ = 0;
     std::uint64_t sentTotal_ = 0, acknowledgedTotal_ = 0, heldUpTo_ = 0, liftedAt_ = 0;
     std::uint64_t spared_ = 0;  // under way without immediate acknowledgement
-    double inFlight_ = 0;       // bytes that had not arrived at `onTheWayAt_`, by the known rate
+    double inFlight_ = 0;       // bytes that had not arrived at `inFlightAt_`, by the known rate
     Clock::time_point acknowledgedAt_{}, next_{}, heldAt_{}, inFlightAt_{};
     std::deque<Sent> sent_;
     Spans rate_, delay_;

@@ -1,6 +1,7 @@
 // The viewer's moves by applications, what they may not be, and what a frame's length does not change.
 #include <rtsg/core/navigation.h>
 
+#include <array>
 #include <cmath>
 
 #include <gmock/gmock.h>
@@ -124,6 +125,94 @@ TEST(Navigation, SticksTurnTheViewerOrLeadHimRound) {
     goesRound.scene.newFrame(1);
     rotation(goesRound, .5, 0);
     goesRound.expect({-10 * std::sin(.5), 0, 10 * std::cos(.5)}, {std::sin(.5), 0, -std::cos(.5)});  // as by RIGHT
+}
+
+/// Nearness changes nothing in a parallel view, so the wheel enlarges it, about its middle.
+TEST(Navigation, AParallelViewIsEnlargedByTheWheel) {
+    NavigatedScene s("NavigationInfo { type \"EXAMINE\" } DEF V OrthoViewpoint { fieldOfView [ -4 -2 6 2 ] }");
+    const auto extent = [&] { return extentOf(s.scene.node(s.scene.findName("V"))); };
+    ASSERT_TRUE(sendWheel(s.scene, 0, -10));
+    s.scene.newFrame(1);
+    const double zoom = 1 / std::pow(.9, 10);
+    s.expect({0, 0, 10}, {0, 0, -1});
+    EXPECT_NEAR(viewerPose(s.scene).zoom, zoom, 1e-9);
+    EXPECT_NEAR(extent()[0], 1 - 5 / zoom, 1e-9);
+    EXPECT_NEAR(extent()[3], 2 / zoom, 1e-9);
+    EXPECT_EQ(s.scene.node(s.scene.findName("V")).get(x3d::OrthoViewpoint::fieldOfView)[0], -4) << "the author's stays";
+    // A pointer goes through what is shown there.
+    const Bearing bearing = bearingThrough(s.scene, 1, .5, 2.5);
+    EXPECT_NEAR(bearing.origin.x, 1 + 5 / zoom, 1e-9);
+    // A snapshot, and so a mirror and a log, has it too.
+    Scene copy;
+    ASSERT_TRUE(copy.apply(std::make_shared<const ChangeSet>(s.scene.snapshot())));
+    EXPECT_EQ(viewerPose(copy).zoom, viewerPose(s.scene).zoom);
+    s.press("HOME", true);
+    for (int i = 0; i < 30; ++i) s.scene.newFrame(s.scene.now() + .1);
+    EXPECT_EQ(extent(), (std::array<double, 4>{-4, -2, 6, 2})) << "HOME goes back to the author's";
+    ASSERT_TRUE(sendWheel(s.scene, 0, -1e6));
+    s.scene.newFrame(s.scene.now() + 1);
+    EXPECT_TRUE(std::isfinite(extent()[0])) << "zoom ends somewhere";
+}
+
+/// The same box fills a perspective view and a parallel one.
+TEST(Navigation, AllIsSeenInAParallelView) {
+    NavigatedScene s("DEF V OrthoViewpoint { } Shape { geometry Box { size 30 40 1 } }");
+    ASSERT_TRUE(viewAll(s.scene, s.space));
+    for (int i = 0; i < 30; ++i) s.scene.newFrame(s.scene.now() + .1);
+    const auto [left, bottom, right, top] = extentOf(s.scene.node(s.scene.findName("V")));
+    EXPECT_NEAR(right - left, std::sqrt(30. * 30 + 40 * 40 + 1), 1e-6);
+    EXPECT_NEAR(top, (right - left) / 2, 1e-9);
+    EXPECT_NEAR(left + right + bottom, bottom, 1e-9) << "about the middle";
+}
+
+TEST(Navigation, AnotherButtonOrAltGoesAlongThePicture) {
+    NavigatedScene s("NavigationInfo { type \"EXAMINE\" } Viewpoint { }");
+    const auto point = [&](double x, double y, std::uint32_t buttons) {
+        PointerInput input;
+        input.kind = PointerInput::Kind::picture;
+        input.x = x, input.y = y, input.aspect = 1, input.buttons = buttons;
+        ASSERT_TRUE(sendPointer(s.scene, input));
+        s.scene.newFrame(s.scene.now() + .1);
+    };
+    const double half = 10 * std::tan(.7854 / 2);  // of what is seen in the plane of the centre
+    point(.5, .5, PointerInput::kSecondary);
+    point(.75, .5, PointerInput::kSecondary);
+    s.expect({-half / 2, 0, 10}, {0, 0, -1}, 1e-5);
+    point(.75, .25, PointerInput::kSecondary);
+    point(.75, .25, 0);
+    point(.1, .1, 0);
+    s.expect({-half / 2, -half / 2, 10}, {0, 0, -1}, 1e-4);
+    s.press("ALT", true);
+    s.scene.newFrame(s.scene.now());
+    s.press("RIGHT", true);
+    s.scene.newFrame(s.scene.now());
+    s.scene.newFrame(s.scene.now() + 1);
+    const ViewerPose moved = viewerPose(s.scene);
+    EXPECT_NEAR(moved.position.x, 0, 1e-4) << "half of the picture's half a second";
+    EXPECT_NEAR(moved.position.z, 10, 1e-9);
+}
+
+TEST(Navigation, TypeAndSpeedAreChosenAndTheViewerStandsUpright) {
+    for (const char* given : {"", "NavigationInfo { type \"EXAMINE\" speed 2 }"}) {
+        NavigatedScene s(std::string(given) + " DEF V Viewpoint { orientation 0 0 1 .5 }");
+        const double speed = navigationSpeed(s.scene);
+        EXPECT_EQ(speed, *given ? 2 : 1);
+        EXPECT_EQ(navigationType(s.scene), NavigationType::examine);
+        ASSERT_TRUE(chooseNavigation(s.scene, NavigationType::fly));
+        s.scene.newFrame(1);
+        s.scene.newFrame(2);
+        ASSERT_TRUE(chooseSpeed(s.scene, 3 * speed));
+        s.scene.newFrame(3);
+        EXPECT_EQ(navigationType(s.scene), NavigationType::fly);
+        EXPECT_EQ(nameOf(navigationType(s.scene)), "FLY");
+        EXPECT_EQ(navigationSpeed(s.scene), 3 * speed);
+        EXPECT_FALSE(chooseSpeed(s.scene, 0));
+        ASSERT_TRUE(straightenViewer(s.scene));
+        for (int i = 0; i < 30; ++i) s.scene.newFrame(s.scene.now() + .1);
+        const Vec3d up = viewerPose(s.scene).orientation * Vec3d(0, 1, 0);
+        EXPECT_NEAR(up.y, 1, 1e-6);
+        s.expect({0, 0, 10}, {0, 0, -1});
+    }
 }
 
 TEST(Navigation, ApplicationsMoveTheViewer) {

@@ -1,17 +1,12 @@
 // Files that libassimp reads: what they become, and that those which break it are errors.
-#include <csignal>
-#include <cstdlib>
 #include <random>
-#include <stdexcept>
 #include <vector>
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include "documents/import/imported.h"
-#include "models/guarded_process.h"
 
 namespace rtsg {
 namespace {
@@ -20,49 +15,6 @@ using test::Imported;
 using test::put;
 using testing::HasSubstr;
 using testing::Not;
-
-// ---- processes of their own ----------------------------------------------------------------------------------------
-
-constexpr std::uint64_t kEnough = std::uint64_t{1} << 30;
-
-TEST(GuardedProcess, GivesWhatTheFunctionMakesOrWhyItDoesNot) {
-    const std::string large(5'000'000, 'x');
-    EXPECT_EQ(*detail::runGuarded([&](std::string& result) { return result = large, true; }, {kEnough}), large);
-    EXPECT_EQ(*detail::runGuarded([](std::string&) { return true; }, {kEnough}), "");
-    EXPECT_EQ(detail::runGuarded([](std::string& result) { return result = "no", false; }, {kEnough}).error().text,
-              "no");
-    EXPECT_EQ(
-        detail::runGuarded([](std::string&) -> bool { throw std::runtime_error("thrown"); }, {kEnough}).error().text,
-        "thrown");
-}
-
-TEST(GuardedProcess, AFunctionThatBreaksIsAnError) {
-    EXPECT_THAT(detail::runGuarded(
-                    [](std::string&) -> bool {
-                        std::raise(SIGSEGV);
-                        return true;
-                    },
-                    {kEnough})
-                    .error()
-                    .text,
-                HasSubstr("breaks the library"));
-    EXPECT_THAT(detail::runGuarded([](std::string&) -> bool { std::abort(); }, {kEnough}).error().text,
-                HasSubstr("breaks the library"));
-    EXPECT_EQ(detail::runGuarded([](std::string&) -> bool { ::_exit(3); }, {kEnough}).error().text,
-              "it ends without a word");
-    const auto endless = [](std::string& result) {
-        volatile bool ends = false;
-        for (;;)
-            if (ends) return result = "never", true;
-    };
-    EXPECT_EQ(detail::runGuarded(endless, {kEnough, 1}).error().text, "it takes too long");
-    const auto large = [](std::string& result) { return result.assign(10'000'000, 'x'), true; };
-    // Of little time: AddressSanitizer's allocator, which is given no memory, waits for ever for a report of that.
-    EXPECT_FALSE(detail::runGuarded(large, {1'000'000, 1}));
-}
-
-// ---- files
-// -----------------------------------------------------------------------------------------------------------
 
 constexpr std::string_view kTile = R"(<?xml version="1.0"?>
 <COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">

@@ -75,6 +75,7 @@ TEST_F(Summary, RecordsAreCountedByTheirKinds) {
         EXPECT_EQ(summary->inputs, came);
         EXPECT_EQ(summary->keyframes, keyframes.size());
         EXPECT_EQ(summary->frames, 12u);
+        EXPECT_EQ(summary->states, 13u);
         EXPECT_EQ(summary->lastState, scene.sequence());
         EXPECT_EQ(summary->firstState, scene.sequence() - 12);
         EXPECT_EQ(summary->start, 3);
@@ -102,6 +103,7 @@ TEST_F(Summary, TimesOfSessionsFollowEachOther) {
     while ((*replayer)->step().value_or(true)) continue;
     EXPECT_DOUBLE_EQ(summary->end, (*replayer)->time());
     EXPECT_DOUBLE_EQ(summary->end, 3);
+    EXPECT_EQ(summary->states, (*replayer)->frames());
 }
 
 /// The numbers of a later session's states say nothing of the session before it.
@@ -214,6 +216,7 @@ TEST_F(Summary, FramesThatAreMissingAreCounted) {
         std::set<std::uint64_t> reached;
         while ((*replayer)->step().value_or(true)) reached.insert((*replayer)->scene().sequence());
         EXPECT_EQ(summary->gaps, (*replayer)->gaps()) << "record " << which;
+        EXPECT_EQ(summary->states, (*replayer)->frames()) << "record " << which;
         EXPECT_EQ(summary->missingFrames > 0, summary->gaps > 0) << "record " << which;
         EXPECT_EQ(summary->framesBehind, (*replayer)->framesBehind()) << "record " << which;
         // In a log that begins as it was recorded: all frames that a later record refers to and that were not reached.

@@ -8,6 +8,7 @@
 #include <condition_variable>
 #include <exception>
 #include <mutex>
+#include <set>
 #include <thread>
 #include <utility>
 
@@ -25,10 +26,11 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr double kCoarsest = 0.25;  // of the width, and of the height
-constexpr double kOfBudget = 0.9;   // the rest is for enlarging and showing
-constexpr double kNewTimes = 0.3;   // the weight of the last picture in the mean
-constexpr int kWidthStep = 16;      // widths change in steps, or pictures would swim
+constexpr double kCoarsest = 0.25;  // of the width, and of the height; less in large windows:
+constexpr double kCoarsestWidth = 320;
+constexpr double kOfBudget = 0.9;  // the rest is for enlarging and showing
+constexpr double kNewTimes = 0.3;  // the weight of the last picture in the mean
+constexpr int kWidthStep = 16;     // widths change in steps, or pictures would swim
 constexpr double kAnyAspect = 16. / 9;
 constexpr double kFirstGuess = 2e-7;  // seconds a pixel
 constexpr double kOfFirst = 0.6;      // of the budget, for the first picture after a rest: it answers somebody
@@ -74,7 +76,9 @@ class Accumulated {
 /// How large pictures are while something changes.
 class PictureSize {
   public:
-    explicit PictureSize(double budget) : budget_(kOfBudget * budget) {}
+    explicit PictureSize(double budget) : whole_(kOfBudget * budget), budget_(whole_) {}
+    /// What showing takes is not there for making, up to half.
+    void setShowing(double seconds) { budget_ = std::max(whole_ - seconds, whole_ / 2); }
     struct Size {
         int width = 0, height = 0;
     };
@@ -104,14 +108,15 @@ class PictureSize {
   private:
     static Size scaled(int width, int height, double scale) {
         if (!(scale < 1)) return {width, height};
-        scale = std::max(scale, kCoarsest);
+        scale = std::max(scale, std::min(kCoarsest, kCoarsestWidth / width));
         const int w =
             std::min(width, std::max(1, static_cast<int>(std::lround(scale * width / kWidthStep)) * kWidthStep));
         if (w == width) return {width, height};
         return {w, std::max(1, static_cast<int>(std::lround(static_cast<double>(w) * height / width)))};
     }
 
-    const double budget_;  // seconds for a picture
+    const double whole_;  // seconds for a picture,
+    double budget_;       // and for making it
     double secondsAPixel_ = kFirstGuess;
     Clock::time_point changes_{};  // not before
 };
@@ -163,10 +168,13 @@ struct LivePicture::Impl {
     std::mutex making;                      // one picture at a time
     std::atomic<std::uint64_t> changes{0};  // of the visible content
     std::atomic<int> others{0};             // who wait for `making`
+    std::atomic<double> showing{0};         // seconds
     std::atomic<std::uint64_t> starts{0};   // how often an eye that rested has begun to move
     // The scene's thread's own.
     std::optional<Camera> seenBy;
     bool eyeMoves = false;
+    std::size_t taken = 0;        // of the renderer's diagnostics
+    std::set<std::string> known;  // of the world's
 
     mutable std::mutex mutex;  // guards the members below
     std::condition_variable news;
@@ -174,7 +182,7 @@ struct LivePicture::Impl {
     std::shared_ptr<const LivePictureShown> shown;
     LivePictureStatistics statistics;
     std::string failure;
-    bool stop = false, done = false;
+    bool stop = false, done = false, seen = true;
 
     // The thread's own.
     std::uint64_t pictured = 0;  // changes that the newest picture shows
@@ -191,10 +199,8 @@ struct LivePicture::Impl {
     /// Whether the picture of `next` differs. A frame in which nothing that is seen has changed shares these.
     bool differs(const Subject& next) const {
         const Subject& now = subject;
-        const auto eyeOf = [](const Subject& s) { return s.eye ? std::optional(s.eye->position) : std::nullopt; };
         return !now.state || maker->differ(*now.state, *next.state) || now.width != next.width ||
-               now.height != next.height || eyeOf(now) != eyeOf(next) ||
-               (now.eye && next.eye && (now.eye->forward != next.eye->forward || now.eye->up != next.eye->up));
+               now.height != next.height || now.eye != next.eye;
     }
     /// On the scene's thread. Whoever begins to move waits for no picture of before.
     void noteEye(const Subject& next) {
@@ -282,6 +288,7 @@ struct LivePicture::Impl {
     /// Makes a picture with as many pixels as the budget allows, or the whole picture if that is all of them.
     Result<> coarse(const Subject& what, std::uint64_t of) {
         const Clock::time_point start = Clock::now();
+        size.setShowing(showing);
         const bool isSame = seenByTheSame(what), eyeStarts = std::exchange(eyeRested, isSame) && !isSame;
         const PictureSize::Size fresh = size.fresh(what.width, what.height, std::exchange(rested, false) || eyeStarts);
         PictureSize::Size wanted = fresh;
@@ -359,7 +366,7 @@ struct LivePicture::Impl {
         while (!stop) {
             const std::uint64_t of = changes;
             const Subject what = subject;
-            if (!what.state) {
+            if (!what.state || !seen) {
                 news.wait(lock, [&] { return stop || changes != of; });
                 continue;
             }
@@ -436,7 +443,7 @@ Result<> LivePicture::show(const std::optional<Camera>& eye) {
         s.subject = std::move(next);
         if (changed) s.change();
     }
-    return s.maker->ownsNodes() ? s.step() : Result<>();
+    return s.maker->ownsNodes() && s.seen ? s.step() : Result<>();
 }
 
 void LivePicture::setSize(int width, int height) {
@@ -445,6 +452,28 @@ void LivePicture::setSize(int width, int height) {
     if (s.subject.width == width && s.subject.height == height) return;
     s.subject.width = width, s.subject.height = height;
     s.change();
+}
+
+void LivePicture::setShowing(double seconds) {
+    impl_->showing = seconds;
+}
+
+void LivePicture::setSeen(bool on) {
+    Impl& s = *impl_;
+    const std::scoped_lock lock(s.mutex);
+    if (std::exchange(s.seen, on) != on) s.change();
+}
+
+Diagnostics LivePicture::takeDiagnostics() {
+    Impl& s = *impl_;
+    Diagnostics news;
+    const auto& all = s.maker->diagnostics().all();
+    for (; s.taken < all.size(); ++s.taken) news.add(all[s.taken]);
+    // The world joins lists that grow, so these are known by what they say.
+    const Diagnostics ofWorld = s.world.diagnostics();
+    for (const Diagnostic& one : ofWorld.all())
+        if (s.known.insert(one.format()).second) news.add(one);
+    return news;
 }
 
 std::shared_ptr<const LivePictureShown> LivePicture::take() {

@@ -38,6 +38,7 @@ class TracedPictures final : public LivePictureMaker {
         return renderer_.nextPicture(state, options, look, &stats);
     }
     const Camera& camera() const override { return renderer_.camera(); }
+    const Diagnostics& diagnostics() const override { return renderer_.diagnostics(); }
     std::string name() const override { return "rays"; }
 
   private:
@@ -58,6 +59,7 @@ class RasteredPictures final : public LivePictureMaker {
         return renderer_.nextPicture(state, options, look, stats);
     }
     const Camera& camera() const override { return renderer_.camera(); }
+    const Diagnostics& diagnostics() const override { return renderer_.diagnostics(); }
     std::string name() const override { return fmt::format("OGRE, {}", renderer_.driver()); }
 
   private:

@@ -31,6 +31,8 @@ class LivePictureMaker {
     /// The one that the last picture was taken with.
     virtual const Camera& camera() const = 0;
     virtual std::string name() const = 0;
+    /// Since the start. On the scene's thread.
+    virtual const Diagnostics& diagnostics() const = 0;
 };
 
 std::unique_ptr<LivePictureMaker> makeLivePictureMaker(SharedWorld& world, const LivePictureOptions& options);

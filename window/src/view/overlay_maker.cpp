@@ -142,7 +142,7 @@ void OverlayMaker::lookAtAll() {
     due_ = end + std::max<Clock::duration>(std::chrono::milliseconds(200), kFraction * (end - start));
 }
 
-void OverlayMaker::fill(OverlayContent& content) {
+void OverlayMaker::fillViewpoints(OverlayContent& content) {
     lookAtAll();
     const Scene& scene = world_.scene();
     for (const NodeId id : viewpoints_) {
@@ -152,6 +152,11 @@ void OverlayMaker::fill(OverlayContent& content) {
         content.viewpoints.push_back(
             {id.value, viewpointName(scene, *node), isBound != kNoField && node->get(Field<bool>{isBound})});
     }
+}
+
+void OverlayMaker::fill(OverlayContent& content) {
+    lookAtAll();
+    const Scene& scene = world_.scene();
     addRows(childrenOf(scene, scene.node(scene.root())), 0, content.tree);
     if (const Node* node = scene.find(picked_)) content.picked = describe(*node);
 }

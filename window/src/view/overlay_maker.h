@@ -20,7 +20,9 @@ class OverlayMaker {
   public:
     explicit OverlayMaker(SharedWorld& world) : world_(world) {}
 
-    /// Fills in viewpoints, tree and the picked node.
+    /// Fills in the viewpoints.
+    void fillViewpoints(OverlayContent& content);
+    /// Fills in the tree and the picked node.
     void fill(OverlayContent& content);
     /// Opens or closes a row of the tree.
     void toggle(NodeId node);

@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <string_view>
+#include <type_traits>
 #include <utility>
 
 #include <rtsg/core/navigation.h>
@@ -21,7 +23,7 @@ constexpr double kBeforeIt = 1e-3;  // of the distance from the hit back to the 
 /// The obstacles for avatars in the other scene's world. Pointers meet nothing, since nodes have other numbers there.
 class Walls final : public SpaceQueries {
   public:
-    explicit Walls(SharedWorld& world) : queries_(world) {}
+    explicit Walls(SharedWorld& world) : scene_(world.scene()), queries_(world) {}
     std::optional<PointerHit> firstHit(const Vec3d&, const Vec3d&) override { return std::nullopt; }
     std::optional<PictureHit> throughPicture(double, double, std::optional<NodeId>) override { return std::nullopt; }
     std::vector<std::vector<NodeId>> within(const Vec3d&, double) override { return {}; }
@@ -29,7 +31,16 @@ class Walls final : public SpaceQueries {
         return withoutPaths(queries_.crossings(origin, direction, length));
     }
     std::vector<Crossing> obstacles(const Vec3d& origin, const Vec3d& direction, double length) override {
-        return withoutPaths(queries_.obstacles(origin, direction, length));
+        if (!rules.stops(length)) return {};
+        std::vector<Crossing> all = queries_.obstacles(origin, direction, length);
+        std::erase_if(all, [&](const Crossing& one) { return !stopsAvatars(scene_, one.path); });
+        return withoutPaths(std::move(all));
+    }
+    bool knowsTriangles() const override { return queries_.knowsTriangles(); }
+    std::vector<Meeting> obstaclesNear(const Vec3d& center, double radius, TriangleTest& test) override {
+        if (!rules.walls) return {};
+        InTheOtherScene there(scene_, test);
+        return queries_.obstaclesNear(center, radius, there);
     }
     std::vector<ShapeBox> boxes() override {
         std::vector<ShapeBox> all = queries_.boxes();
@@ -39,11 +50,27 @@ class Walls final : public SpaceQueries {
     std::vector<Meeting> meetings(const Vec3d&, double, TriangleTest&) override { return {}; }
     std::vector<Vec3d> corners(const Node&) override { return {}; }
 
+    ObstacleRules rules;
+
   private:
+    /// Which Shapes stop avatars is for the other scene to say.
+    class InTheOtherScene final : public TriangleTest {
+      public:
+        InTheOtherScene(const Scene& scene, TriangleTest& test) : scene_(scene), test_(test) {}
+        bool concerns(const std::vector<NodeId>& path) override {
+            return stopsAvatars(scene_, path) && test_.concerns({});
+        }
+        bool meets(const std::array<Vec3d, 3>& corners) override { return test_.meets(corners); }
+
+      private:
+        const Scene& scene_;
+        TriangleTest& test_;
+    };
     static std::vector<Crossing> withoutPaths(std::vector<Crossing> all) {
         for (Crossing& one : all) one.path.clear();
         return all;
     }
+    const Scene& scene_;
     WorldQueries queries_;
 };
 
@@ -73,6 +100,7 @@ struct OwnEye::Impl {
     std::unique_ptr<Scene> own;  // null until it is moved
     double time = 0;
     double fieldOfView = 0.7854;
+    double nearest = 0, farthest = std::numeric_limits<double>::infinity(), limit = farthest;  // as in Camera
 
     /// From where the other scene's viewer is.
     void begin() { begin(viewerPose(world.scene()), bound(world.scene(), "_viewpointStack")); }
@@ -84,14 +112,13 @@ struct OwnEye::Impl {
         own = std::make_unique<Scene>();
         own->setNavigation(true);
         own->setSpaceQueries(&walls);
-        const NodeId view = own->createNode(V::type), navigation = own->createNode(N::type);
-        (void)own->set(view, V::position, Vec3f(pose.position));
-        (void)own->set(view, V::orientation, orientationOf(pose));
-        if (theirs && theirs->is(V::type)) {
-            fieldOfView = static_cast<double>(theirs->get(V::fieldOfView));
-            (void)own->set(view, V::centerOfRotation, theirs->get(V::centerOfRotation));
-        }
+        const NodeId navigation = own->createNode(N::type);
+        const NodeId view = theirs && theirs->is(x3d::OrthoViewpoint::type)
+                                ? viewLike<x3d::OrthoViewpoint>(pose, theirs)
+                                : viewLike<V>(pose, theirs && theirs->is(V::type) ? theirs : nullptr);
+        limit = std::numeric_limits<double>::infinity();
         if (const Node* info = bound(other, "_navigationStack"); info && info->is(N::type)) {
+            if (const float far = info->get(N::visibilityLimit); far > 0) limit = double{far};
             for (FieldIndex f = 0; f < info->type().fields.size(); ++f) {
                 const FieldDef& def = info->type().fields[f];
                 if (def.access == Access::inputOutput && !def.hidden && sf(def.type) != FieldType::SFNode)
@@ -102,6 +129,27 @@ struct OwnEye::Impl {
         (void)own->sendEvent(view, V::set_bind.index, true);
         (void)own->sendEvent(navigation, N::set_bind.index, true);
         own->newFrame(time);
+    }
+    /// A viewpoint of our own with the projection of theirs, if there is one.
+    template <class V>
+    NodeId viewLike(const ViewerPose& pose, const Node* theirs) {
+        const NodeId view = own->createNode(V::type);
+        (void)own->set(view, V::position, Vec3f(pose.position));
+        (void)own->set(view, V::orientation, orientationOf(pose));
+        nearest = 0, farthest = std::numeric_limits<double>::infinity();
+        if (!theirs) return view;
+        if (const float near = theirs->get(V::nearDistance); near > 0) nearest = double{near};
+        if (const float far = theirs->get(V::farDistance); far > 0) farthest = double{far};
+        (void)own->set(view, V::centerOfRotation, theirs->get(V::centerOfRotation));
+        if constexpr (std::is_same_v<V, x3d::OrthoViewpoint>) {
+            Array<float> extent;
+            for (const double side : extentOf(*theirs)) extent.push_back(static_cast<float>(side));
+            (void)own->set(view, V::fieldOfView, std::move(extent));
+        } else {
+            fieldOfView = double{theirs->get(V::fieldOfView)};
+            (void)own->set(view, V::fieldOfView, theirs->get(V::fieldOfView));
+        }
+        return view;
     }
 
     /// The layer that is in front at a place of the picture; null: the active one, or none.
@@ -192,7 +240,26 @@ std::optional<Camera> OwnEye::camera(double aspect) const {
     const Impl& s = *impl_;
     if (!s.own) return std::nullopt;
     const ViewerPose pose = viewerPose(*s.own);
-    return Camera::perspective(WorldFromLocal(1), pose.position, orientationOf(pose), s.fieldOfView, aspect);
+    const Node* view = bound(*s.own, "_viewpointStack");
+    Camera camera =
+        view && view->is(x3d::OrthoViewpoint::type)
+            ? Camera::parallel(WorldFromLocal(1), pose.position, orientationOf(pose), extentOf(*view), aspect)
+            : Camera::perspective(WorldFromLocal(1), pose.position, orientationOf(pose), s.fieldOfView, aspect);
+    camera.nearDistance = s.nearest, camera.farDistance = s.farthest;
+    if (!std::isfinite(s.farthest)) camera.visibilityLimit = s.limit;
+    return camera;
+}
+
+Result<> OwnEye::choose(const std::function<Result<>(Scene&, SpaceQueries&)>& choice) {
+    Impl& s = *impl_;
+    if (!s.own) s.begin();
+    return choice(*s.own, s.walls);
+}
+void OwnEye::setObstacles(const ObstacleRules& rules) {
+    impl_->walls.rules = rules;
+}
+const Scene& OwnEye::navigated() const {
+    return impl_->own ? *impl_->own : impl_->world.scene();
 }
 
 PointerInput OwnEye::throughPicture(const PointerInput& input) {

@@ -16,8 +16,11 @@
 #include <rtsg/core/x3d.h>
 #include <rtsg/renderers/world_queries.h>
 
+#include "file_list.h"
 #include "key_input.h"
+#include "key_list.h"
 #include "overlay_maker.h"
+#include "pointed.h"
 #include "window_module.h"
 
 namespace rtsg {
@@ -37,6 +40,20 @@ constexpr double kStickLongest = .1;         // seconds that a stick counts for 
 constexpr auto kStickEvery = std::chrono::milliseconds(16);
 constexpr auto kOverlayEvery = std::chrono::milliseconds(100);
 constexpr std::size_t kFrameTimes = 120;
+constexpr std::size_t kMaxMessages = 500;
+constexpr auto kNoteShown = std::chrono::seconds(6);         // warnings and errors stay until they are forgotten
+constexpr auto kPointEvery = std::chrono::milliseconds(50);  // looks for what the pointer is over
+constexpr auto kDiagnosticsEvery = std::chrono::milliseconds(250);
+constexpr double kClick = .01;  // of the picture: a press that is moved no more is a click
+
+using Asked = SceneWindowRequest::Kind;
+
+const char* nameOf(Integrator integrator) {
+    return integrator == Integrator::path ? "path" : integrator == Integrator::raster ? "OGRE" : "whitted";
+}
+Integrator integratorOf(const std::string& name) {
+    return name == "path" ? Integrator::path : name == "OGRE" ? Integrator::raster : Integrator::whitted;
+}
 
 Result<std::unique_ptr<WindowModule>> openWindow(const WindowSettings& settings) {
 #ifdef RTSG_NO_WINDOW
@@ -67,12 +84,13 @@ struct SceneWindow::Impl {
     SceneWindowStatistics statistics;
     std::deque<double> intervals;
     Clock::time_point presentedAt{};
+    double showing = 0;  // seconds that it takes to show a picture, a moving mean
     std::vector<std::string> dropped;
     Diagnostics diagnostics;
     std::set<std::string> reported;
     std::string failure;
     std::vector<SceneWindowRequest> requests;
-    bool closed = false, paused = false, lost = false, wasMoving = false;
+    bool closed = false, paused = false, lost = false, wasMoving = false, isSeen = true;
     std::atomic<bool> called{false};
     int screenshots = 0;
     WindowEvent sticks;  // as they are
@@ -89,6 +107,18 @@ struct SceneWindow::Impl {
     std::shared_ptr<const std::vector<OverlayContent::Mark>> marks;
     std::optional<WorldQueries> queries;
     std::uint32_t buttons = 0;  // of the pointer, as it was last
+
+    // The bar, and what else is there for everybody.
+    bool bar = false, listsMessages = false, listsKeys = false, listsFiles = false;
+    SceneWindowChoices choices;
+    std::deque<Diagnostic> messages;
+    std::size_t messageCount = 0;
+    Clock::time_point saidAt{};  // the newest message
+    FileList folder;
+    std::optional<PointerInput> over;  // where the pointer is, if what is there is still to be found
+    Clock::time_point pointedAtTime{}, diagnosedAt{};
+    Pointed pointed, pressedOn;
+    PointerInput pressedAt;
 
     void report(const std::string& what) {
         if (reported.insert(what).second) diagnostics.warning({}, what);
@@ -107,26 +137,58 @@ struct SceneWindow::Impl {
         input.x = event.x, input.y = event.y;
         input.aspect = static_cast<double>(window->width()) / window->height();
         input.buttons = event.buttons;
-        if (overlay && (event.buttons & ~buttons & PointerInput::kPrimary) != 0) pick(input);
+        const std::uint32_t pressed = event.buttons & ~buttons, released = buttons & ~event.buttons;
         buttons = event.buttons;
+        if (overlay && (pressed & PointerInput::kPrimary) != 0) pick(input);
+        over = input;
+        if (input.kind == PointerInput::Kind::absent || ((pressed | released) & PointerInput::kPrimary) != 0)
+            findPointed();
+        if ((pressed & PointerInput::kPrimary) != 0) pressedOn = pointed, pressedAt = input;
+        if ((released & PointerInput::kPrimary) != 0) click(input);
         send(Root::pointer.index, Value(input.toValue()));
     }
-    /// Selects the node at a place of the picture in the overlay.
-    void pick(const PointerInput& at) {
+    /// An Anchor follows a click on it; where it leads out of the scene is the application's to know.
+    void click(const PointerInput& at) {
+        const bool isStill = std::hypot(at.x - pressedAt.x, at.y - pressedAt.y) < kClick;
+        if (isStill && pointed.anchor && pointed.anchor == pressedOn.anchor)
+            ask({Asked::anchor, 0, false, pointed.anchor, {}});
+    }
+    /// Finds out what the pointer is over, and shows it by its shape and a tip.
+    void findPointed() {
+        if (!over) return;
+        const Clock::time_point now = Clock::now();
+        pointedAtTime = now;
+        const PointerInput at = *std::exchange(over, std::nullopt);
+        Pointed next;
+        if (at.kind == PointerInput::Kind::picture)
+            if (const auto hit = hitAt(at)) next = pointedAt(world.scene(), hit->path);
+        if (next == pointed) return;
+        if (next.reacts != pointed.reacts) window->setHand(next.reacts);
+        stale = stale || next.description != pointed.description;
+        pointed = std::move(next);
+    }
+    /// The same at most so often while the pointer moves; nobody points at anything while a button is down.
+    void followPointer() {
+        if (over && buttons == 0 && Clock::now() >= pointedAtTime + kPointEvery) findPointed();
+    }
+
+    std::optional<PointerHit> hitAt(const PointerInput& at) {
         if (!queries) queries.emplace(world, options.picture.resources);
         std::optional<PointerHit> hit;
         if (eye) {
-            const Camera camera = eye->shaped(at.aspect);
-            const Vec3d direction = camera.forward +
-                                    camera.right * (camera.left + (camera.rightEdge - camera.left) * at.x) +
-                                    camera.up * (camera.top + (camera.bottom - camera.top) * at.y);
-            hit = queries->firstHit(camera.position, direction);
+            const Camera::WorldRay ray = eye->shaped(at.aspect).ray(at.x, at.y);
+            hit = queries->firstHit(ray.origin, ray.direction);
         } else if (const auto seen = queries->throughPicture(at.x, at.y, std::nullopt)) {
             hit = seen->hit;
         } else {
             const Bearing bearing = bearingThrough(world.scene(), at.x, at.y, at.aspect);
             hit = queries->firstHit(bearing.origin, bearing.direction);
         }
+        return hit;
+    }
+    /// Selects the node at a place of the picture in the overlay.
+    void pick(const PointerInput& at) {
+        const auto hit = hitAt(at);
         maker.pickOnPath(hit ? hit->path : std::vector<NodeId>());
         forgetHistory();
         stale = true;
@@ -177,6 +239,79 @@ struct SceneWindow::Impl {
         stale = true;
     }
 
+    // ---- what the bar offers -----------------------------------------------------------------------------------
+    void chooseNext() {
+        const std::string& now = choices.navigation;
+        ask({Asked::navigation, 0, false, {}, now == "EXAMINE" ? "WALK" : now == "WALK" ? "FLY" : "EXAMINE"});
+    }
+    void setWalls(bool on) { ask({Asked::walls, 0, on, {}, {}}); }
+    void setGround(bool on) { ask({Asked::ground, 0, on, {}, {}}); }
+    /// Pictures by another integrator from now on; if that cannot be, all stays as it was.
+    void choosePictures(Integrator integrator) {
+        if (integrator == options.picture.settings.integrator) return;
+        LivePictureOptions next = options.picture;
+        next.settings.integrator = integrator;
+        constexpr int kSamples = 64, kSamplesByPath = 1 << 14;
+        next.maxSamples = integrator == Integrator::path ? kSamplesByPath : kSamples;
+        if (auto ok = startPictures(next); !ok)
+            return report("no pictures by " + std::string(nameOf(integrator)) + ": " + ok.error().text);
+        options.picture = std::move(next);
+        stale = true;
+    }
+    Result<> startPictures(LivePictureOptions next) {
+        next.settings.width = window->width(), next.settings.height = window->height();
+        next.wake = [w = window.get()] { w->wake(); };
+        auto begun = std::make_unique<LivePicture>(world, std::move(next));
+        if (auto ok = begun->show(eye); !ok) return ok;
+        picture = std::move(begun);
+        return {};
+    }
+    std::string messageText() const {
+        std::string all;
+        for (const Diagnostic& message : messages) all += lineOf(message) + "\n";
+        return all;
+    }
+    static std::string lineOf(const Diagnostic& message) {
+        return message.severity == Severity::note && message.file.empty() ? message.text : message.format();
+    }
+    void takePictureDiagnostics() {
+        const Clock::time_point now = Clock::now();
+        if (now < diagnosedAt + kDiagnosticsEvery) return;
+        diagnosedAt = now;
+        diagnostics.append(picture->takeDiagnostics());
+    }
+    bool hasOverlay() const {
+        return overlay || bar || listsKeys || listsFiles || showsMessages() || !pointed.description.empty();
+    }
+    bool showsMessages() const {
+        if (messages.empty()) return false;
+        return listsMessages || messages.back().severity != Severity::note || Clock::now() < saidAt + kNoteShown;
+    }
+
+    /// What is chosen by keys, as in the bar.
+    void choose(int functionKey) {
+        if (functionKey == 1) showOverlay(!overlay);
+        if (functionKey == 2) bar = !bar;
+        if (functionKey == 3) listsMessages = !listsMessages;
+        if (functionKey == 6) chooseNext();
+        if (functionKey == 7) setWalls(!choices.walls);
+        if (functionKey == 8) setGround(!choices.ground);
+        if (functionKey == 9) ask(Asked::viewAll);
+        if (functionKey == 11) window->toggleFullscreen();
+        stale = true;
+    }
+    static bool isOwnFunction(int functionKey) {
+        return (functionKey >= 1 && functionKey <= 3) || (functionKey >= 6 && functionKey <= 9) || functionKey == 11;
+    }
+
+    /// False: there is none.
+    bool closeLists() {
+        const bool isAny = listsKeys || listsFiles || listsMessages;
+        listsKeys = listsFiles = listsMessages = false;
+        stale = stale || isAny;
+        return isAny;
+    }
+
     /// True: the key was for the window itself.
     bool isOwnKey(const WindowEvent& event) {
         const bool isSave = event.control && event.character == U's';
@@ -185,13 +320,18 @@ struct SceneWindow::Impl {
         const bool isAhead = event.control && event.key == WindowEvent::Key::right;
         const bool isLog = event.control && event.character == U'l', isFilm = event.control && event.character == U'f';
         const bool isClose = event.key == WindowEvent::Key::escape;
-        const bool isFunction = event.functionKey == 1 || event.functionKey == 11;
-        if (!isClose && !isFunction && !isSave && !isLog && !isFilm && !isPause && !isBack && !isAhead) return false;
+        const bool isOpen = event.control && event.character == U'o';
+        const bool isReturn = event.control && event.key == WindowEvent::Key::backspace;
+        const bool isFunction = isOwnFunction(event.functionKey);
+        if (!isClose && !isFunction && !isSave && !isLog && !isFilm && !isPause && !isBack && !isAhead && !isOpen &&
+            !isReturn)
+            return false;
         if (event.down && (isBack || isAhead)) ask(SceneWindowRequest::Kind::skip, isBack ? -kSkip : kSkip);
         if (!event.down || event.repeats) return true;
-        if (isClose) closed = true;
-        if (event.functionKey == 1) showOverlay(!overlay);
-        if (event.functionKey == 11) window->toggleFullscreen();
+        if (isClose) closed = !closeLists();
+        if (isFunction) choose(event.functionKey);
+        if (isOpen) listsFiles = !listsFiles, stale = true;
+        if (isReturn) ask(Asked::back);
         if (isPause) togglePause();
         if (isLog) ask(SceneWindowRequest::Kind::log);
         if (isFilm) ask(SceneWindowRequest::Kind::film);
@@ -225,13 +365,20 @@ struct SceneWindow::Impl {
                 return;
             case Kind::resized:
                 picture->setSize(event.width, event.height);
+                stale = true;
+                return;
+            case Kind::seen:
+                picture->setSeen(event.down);
+                isSeen = event.down;
+                lost = true;
                 return;
             case Kind::dropped:
                 dropped.push_back(event.text);
                 return;
             case Kind::pointer:
             case Kind::left:
-                lost = lost || overlay;
+                // Only what changes is drawn: a tip goes along, and a press elsewhere closes a menu.
+                lost = lost || overlay || !pointed.description.empty() || (bar && event.buttons != buttons);
                 return point(event);
             case Kind::sticks:
                 sticks = event;
@@ -241,6 +388,7 @@ struct SceneWindow::Impl {
                 return padButton(event);
             case Kind::overlay:
                 lost = true;
+                forgetPointed();
                 for (const OverlayAction& action : window->takeActions()) act(action);
                 return;
             case Kind::wheel: {
@@ -250,6 +398,10 @@ struct SceneWindow::Impl {
             case Kind::key:
             case Kind::text:
                 if (event.kind == Kind::key && isOwnKey(event)) return;
+                // A sensor that has the keys has this one, too (21.2).
+                if (event.kind == Kind::text && event.text == "?" &&
+                    !world.scene().find(world.scene().node(world.scene().root()).get(Root::_keyFocus)))
+                    listsKeys = !listsKeys, stale = true;
                 for (const KeyInput& key : keys.take(event)) send(Root::key.index, Value(key.toValue()));
                 if (const std::string text = keys.takeText(); !text.empty())
                     send(Root::text.index, Value(String(text)));
@@ -261,18 +413,28 @@ struct SceneWindow::Impl {
         }
     }
 
+    /// The pointer has gone to the overlay.
+    void forgetPointed() {
+        over.reset();
+        if (std::exchange(pointed, {}).reacts) window->setHand(false);
+    }
+
     // ---- the overlay -------------------------------------------------------------------------------------------
     void showOverlay(bool on) {
-        if (on && !window->setOverlay(std::make_shared<const OverlayContent>()))
+        if (on && !makeOverlay())
             return report("there is no overlay: Dear ImGui was not there when this was built, or RTSG_OVERLAY was off");
         overlay = on;
         stale = lost = true;
-        content.reset();
-        if (!on) (void)window->setOverlay(nullptr);
+    }
+    /// False: it was not there when this was built.
+    bool makeOverlay() {
+        if (content) return true;
+        content = std::make_shared<const OverlayContent>();
+        if (window->setOverlay(content)) return true;
+        return content.reset(), false;
     }
     void act(const OverlayAction& action) {
         using Done = OverlayAction::Kind;
-        using Asked = SceneWindowRequest::Kind;
         const NodeId node{action.node};
         stale = true;
         switch (action.kind) {
@@ -295,7 +457,55 @@ struct SceneWindow::Impl {
                 return ask(Asked::step, action.number);
             case Done::rate:
                 return ask(Asked::rate, action.number);
+            default:
+                return actInBar(action);
         }
+    }
+    void actInBar(const OverlayAction& action) {
+        using Done = OverlayAction::Kind;
+        switch (action.kind) {
+            case Done::navigation:
+                return ask({Asked::navigation, 0, false, {}, action.name});
+            case Done::walls:
+                return setWalls(!choices.walls);
+            case Done::ground:
+                return setGround(!choices.ground);
+            case Done::speed:
+                return ask(Asked::speed, action.number);
+            case Done::viewAll:
+                return ask(Asked::viewAll);
+            case Done::straighten:
+                return ask(Asked::straighten);
+            case Done::pictures:
+                return choosePictures(integratorOf(action.name));
+            case Done::volume:
+                return ask(Asked::volume, action.number);
+            case Done::screenshot:
+                return takeScreenshot();
+            case Done::log:
+                return ask(Asked::log);
+            case Done::film:
+                return ask(Asked::film);
+            case Done::back:
+                return ask(Asked::back);
+            case Done::file:
+                listsFiles = false;
+                return ask({Asked::open, 0, false, {}, folder.path(action.name)});
+            case Done::folder:
+                return folder.enter(action.name);
+            default:
+                return actInPanels(action.kind);
+        }
+    }
+    void actInPanels(OverlayAction::Kind kind) {
+        using Done = OverlayAction::Kind;
+        if (kind == Done::files) listsFiles = !listsFiles;
+        if (kind == Done::keys) listsKeys = !listsKeys;
+        if (kind == Done::hideBar) bar = false;
+        if (kind == Done::messages) listsMessages = !listsMessages;
+        if (kind == Done::details) showOverlay(!overlay);
+        if (kind == Done::copy) window->setClipboard(messageText());
+        if (kind == Done::forget) messages.clear(), messageCount = 0, listsMessages = false;
     }
     void heard(const Result<>& done) {
         ++statistics.events;
@@ -319,9 +529,42 @@ struct SceneWindow::Impl {
     /// Makes the overlay anew if it may have changed; equal content is not drawn again.
     void refreshOverlay() {
         const Clock::time_point now = Clock::now();
-        if (!overlay || (!std::exchange(stale, false) && now < created + kOverlayEvery)) return;
+        const bool isWanted = hasOverlay();
+        if (!isWanted && content) {
+            content.reset();
+            (void)window->setOverlay(nullptr);
+            lost = true;
+        }
+        if (!isWanted || (!std::exchange(stale, false) && now < created + kOverlayEvery)) return;
         created = now;
         auto next = std::make_shared<OverlayContent>();
+        addBar(*next);
+        if (overlay) addDetails(*next);
+        if (content && *content == *next) return;
+        content = std::move(next);
+        (void)window->setOverlay(content);
+        lost = true;
+    }
+    void addBar(OverlayContent& to) {
+        using Level = OverlayContent::Message::Level;
+        if (bar)
+            to.bar = OverlayContent::Bar{choices.navigation, nameOf(options.picture.settings.integrator),
+                                         choices.walls,      choices.ground,
+                                         choices.speed,      choices.volume,
+                                         choices.canGoBack,  choices.writesLog,
+                                         choices.writesFilm};
+        if (bar || overlay) maker.fillViewpoints(to);
+        for (const Diagnostic& message : showsMessages() ? messages : std::deque<Diagnostic>())
+            to.messages.push_back({static_cast<Level>(message.severity), lineOf(message)});
+        to.messageCount = messageCount;
+        to.listsMessages = listsMessages;
+        if (listsKeys) to.keys = keyList();
+        if (listsFiles) to.files = folder.read();
+        to.tip = pointed.description;
+    }
+    void addDetails(OverlayContent& to) {
+        OverlayContent* const next = &to;
+        next->hasDetails = true;
         maker.fill(*next);
         addFigures(*next);
         for (const SceneWindowStatus::Line& line : status.lines)
@@ -333,10 +576,6 @@ struct SceneWindow::Impl {
                 OverlayContent::Timeline{status.timeline->time, status.timeline->length, status.timeline->rate, marks};
         next->isPaused = paused;
         next->hasHistory = status.showsHistory;
-        if (content && *content == *next) return;
-        content = std::move(next);
-        (void)window->setOverlay(content);
-        lost = true;
     }
     void addFigures(OverlayContent& to) const {
         const auto add = [&](const char* name, std::string value) {
@@ -408,10 +647,14 @@ struct SceneWindow::Impl {
             }
             ++statistics.presented;
         }
-        if (!shown || !std::exchange(lost, false)) return;
+        if (!shown || !isSeen || !std::exchange(lost, false)) return;
         const std::uint8_t* pixels = shown->pixels.data();
         if (probe) pixels = withProbe();
+        const Clock::time_point start = Clock::now();
         if (!window->present(pixels, shown->width, shown->height)) report("the display takes no pictures");
+        constexpr double kNew = .2;  // in the mean
+        showing += kNew * (std::chrono::duration<double>(Clock::now() - start).count() - showing);
+        picture->setShowing(showing);
     }
 
     Result<> write(const std::string& file) const {
@@ -435,11 +678,9 @@ Result<std::unique_ptr<SceneWindow>> SceneWindow::open(SharedWorld& world, Scene
     auto window = openWindow(settings);
     if (!window) return std::unexpected(window.error());
     impl->window = std::move(*window);
-    LivePictureOptions pictures = impl->options.picture;
-    pictures.settings.width = impl->window->width(), pictures.settings.height = impl->window->height();
-    pictures.wake = [w = impl->window.get()] { w->wake(); };
-    impl->picture = std::make_unique<LivePicture>(world, std::move(pictures));
-    if (auto ok = impl->picture->show(); !ok) return std::unexpected(ok.error());
+    if (auto ok = impl->startPictures(impl->options.picture); !ok) return std::unexpected(ok.error());
+    impl->folder.setFolder(impl->options.folder);
+    impl->bar = impl->stale = impl->options.bar && impl->makeOverlay();
     if (impl->options.overlay) impl->showOverlay(true);
     return std::unique_ptr<SceneWindow>(new SceneWindow(std::move(impl)));
 }
@@ -452,7 +693,11 @@ bool SceneWindow::poll(std::chrono::milliseconds atMost) {
     }
     const std::uint64_t before = s.statistics.events;
     s.steer();
-    const Clock::time_point end = Clock::now() + (s.isSteered() ? std::min(atMost, kStickEvery) : atMost);
+    s.takePictureDiagnostics();
+    s.followPointer();
+    if (s.isSteered()) atMost = std::min(atMost, kStickEvery);
+    if (s.over && s.buttons == 0) atMost = std::min(atMost, kPointEvery);
+    const Clock::time_point end = Clock::now() + atMost;
     s.refreshOverlay();
     s.present();
     while (!s.closed) {
@@ -495,6 +740,28 @@ void SceneWindow::showProbe(const std::optional<Vec3d>& position, bool touches) 
     s.lost = s.lost || position != s.probe || touches != s.probeTouches;
     s.probe = position;
     s.probeTouches = touches;
+}
+void SceneWindow::setChoices(SceneWindowChoices choices) {
+    Impl& s = *impl_;
+    s.stale = s.stale || choices != s.choices;
+    s.choices = std::move(choices);
+}
+bool SceneWindow::showsBar() const {
+    return impl_->bar;
+}
+Integrator SceneWindow::integrator() const {
+    return impl_->options.picture.settings.integrator;
+}
+void SceneWindow::showMessage(const Diagnostic& message) {
+    Impl& s = *impl_;
+    s.messages.push_back(message);
+    ++s.messageCount;
+    s.saidAt = Clock::now();
+    if (s.messages.size() > kMaxMessages) s.messages.pop_front();
+    s.stale = true;
+}
+std::vector<Diagnostic> SceneWindow::messages() const {
+    return {impl_->messages.begin(), impl_->messages.end()};
 }
 bool SceneWindow::showsOverlay() const {
     return impl_->overlay;

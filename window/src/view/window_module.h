@@ -28,6 +28,7 @@ struct WindowEvent {
         woken,    // wake() was called
         exposed,  // its content is lost: present() is due
         resized,  // width, height: its new size
+        seen,     // down: it can be seen now; else nobody sees it, as it is minimised or hidden
         key,      // down, key, repeats; modifiers as they are then
         text,     // typed or composed text
         pointer,  // x, y, buttons as they are now
@@ -40,7 +41,8 @@ struct WindowEvent {
     };
     /// Buttons of a gamepad. Sticks are 0 in the middle and in a zone around it, 1 at the right and at the bottom.
     enum class PadButton : std::uint8_t { none, leftShoulder, rightShoulder, start, back };
-    /// Keys without text. Others are named by the character that they write without modifiers, in `character`.
+    /// Keys without text. Others are named by the character that they write without modifiers, in `character`. With
+    /// Control it is the Latin letter at that place of the keyboard, where the layout has other letters.
     enum class Key : std::uint8_t {
         none,
         escape,
@@ -91,6 +93,9 @@ class WindowModule {
     /// The users' actions in the overlay since the last call.
     virtual std::vector<OverlayAction> takeActions() = 0;
     virtual void setTitle(const std::string& title) = 0;
+    /// Whether the pointer is over something that a click does something to.
+    virtual void setHand(bool on) = 0;
+    virtual void setClipboard(const std::string& text) = 0;
     virtual void toggleFullscreen() = 0;
     virtual void wake() = 0;
 };
@@ -98,6 +103,6 @@ class WindowModule {
 /// Null, and why.
 using OpenWindow = std::unique_ptr<WindowModule> (*)(const WindowSettings&, std::string& problem);
 /// The one symbol of the module: a function without arguments that returns an OpenWindow.
-#define RTSG_WINDOW_SYMBOL "rtsg_open_window_2"
+#define RTSG_WINDOW_SYMBOL "rtsg_open_window_3"
 
 }  // namespace rtsg

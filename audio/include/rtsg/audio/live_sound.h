@@ -49,6 +49,8 @@ class LiveSound {
     /// wait.
     void sendEvents();
     LiveReport report() const;
+    /// How loud it plays from the next block on: 0 is silent, 1 as it is heard in the scene. It counts in `level`.
+    void setVolume(double volume);
     /// Stops playing.
     LiveReport stop();
 

@@ -10,6 +10,7 @@
 #pragma once
 
 #include <array>
+#include <limits>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -47,7 +48,7 @@ struct PictureHit {
 
 struct PointerInput {
     static constexpr std::int32_t kDevices = 64;
-    static constexpr std::uint32_t kPrimary = 1;
+    static constexpr std::uint32_t kPrimary = 1, kSecondary = 2, kMiddle = 4;
     /// absent: it has left the window, or points nowhere.
     enum class Kind : std::uint8_t { absent, ray, picture } kind = Kind::ray;
     std::int32_t device = 0;               // below kDevices
@@ -141,6 +142,14 @@ struct Meeting {
     double distance = 0;  // metres from the centre that was asked for to the Shape's nearest point
 };
 
+/// Which obstacles there are for avatars, as the user chooses: SpaceQueries::obstacles() leaves the others out.
+struct ObstacleRules {
+    bool walls = true, ground = true;
+    /// Navigation looks for ground without end, and for walls as far as it goes.
+    bool stops(double length) const { return length < std::numeric_limits<double>::infinity() ? walls : ground; }
+    friend bool operator==(const ObstacleRules&, const ObstacleRules&) = default;
+};
+
 /// Answers questions about where geometry is. The scene asks at the beginning of a frame, never while one runs.
 class SpaceQueries {
   public:
@@ -163,6 +172,12 @@ class SpaceQueries {
     /// seen, and also the children that a proxy replaces: the caller tells them apart by their paths.
     virtual std::vector<Crossing> obstacles(const Vec3d& origin, const Vec3d& direction, double length) {
         return crossings(origin, direction, length);
+    }
+    /// Whether obstaclesNear() passes triangles; otherwise avatars feel their way by rays.
+    virtual bool knowsTriangles() const { return false; }
+    /// As meetings(), with the surfaces of obstacles().
+    virtual std::vector<Meeting> obstaclesNear(const Vec3d& center, double radius, TriangleTest& test) {
+        return meetings(center, radius, test);
     }
     /// The boxes of all Shapes, in no order.
     virtual std::vector<ShapeBox> boxes() = 0;

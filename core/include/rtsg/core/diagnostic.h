@@ -6,6 +6,12 @@
 // given where they are useful. Threading: values.
 #pragma once
 
+#include <version>
+#ifndef __cpp_lib_expected
+#error "RTSG needs C++23 with std::expected: GCC 12 or Clang 19, or newer, and -std=c++23"
+#include "there is no such file, which ends the compilation: this error is enough"
+#endif
+
 #include <cstddef>
 #include <cstdint>
 #include <expected>

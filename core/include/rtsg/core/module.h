@@ -11,7 +11,8 @@
 namespace rtsg {
 
 /// The address of `symbol` in lib`name`.so; a module's symbols carry the number of their interface in their names.
-/// Errors: no such module ("films need the module ...", for the `need` "films need"); a module of another version.
+/// Errors: no such module ("films need the module ... (Debian package ...)", for the `need` "films need"); a module of
+/// another version.
 Result<void*> loadModule(const char* name, const char* symbol, std::string_view need);
 
 }  // namespace rtsg

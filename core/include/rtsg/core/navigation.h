@@ -8,7 +8,9 @@
 // ISO/IEC 19775-1 V4.0 23.2, 23.3.1, 23.4.4, annex G.
 
 //                 arrow keys                        pointer dragged    wheel
-//     EXAMINE     go round centerOfRotation         the same           nearer to it, a tenth a step
+//     EXAMINE     go round centerOfRotation; with   the same; with     nearer to it, a tenth a step; an OrthoViewpoint
+//                 ALT along the picture             another button     zooms
+//                                                   along the picture
 //     LOOKAT      as EXAMINE; a shape that is clicked is gone to and becomes the centre
 //     WALK        forwards, back, turn; with ALT    look round         forwards, speed / 4 a step
 //                 sideways
@@ -32,6 +34,8 @@
 #pragma once
 
 #include <optional>
+#include <span>
+#include <string_view>
 #include <vector>
 
 #include <rtsg/core/diagnostic.h>
@@ -64,5 +68,20 @@ Result<> bindViewpoint(Scene& scene, ViewpointChoice choice);
 Result<> moveViewer(Scene& scene, const ViewerPose& pose, bool animated = true);
 /// Queues a move, without a turn, to where the bounding box of all Shapes is in full view. Error: as above; no Shapes.
 Result<> viewAll(Scene& scene, SpaceQueries& queries);
+/// Queues a turn about the direction of view, until +Y is upwards. Error: as moveViewer().
+Result<> straightenViewer(Scene& scene);
+
+/// Whether the shape at the end of a path from a root node stops avatars: no Collision on the path is disabled, and if
+/// a Collision has a proxy, the path leads through the proxy (23.4.2).
+bool stopsAvatars(const Scene& scene, std::span<const NodeId> path);
+
+/// "EXAMINE" and so on.
+std::string_view nameOf(NavigationType type);
+/// Metres a second, of the bound NavigationInfo; 1 if there is none.
+double navigationSpeed(const Scene& scene);
+/// Queue an event for the bound NavigationInfo, so that the user moves in this way, or so fast (metres a second); if
+/// none is bound, one is made and bound. Errors: a speed of 0 or below; the scene refuses the edit.
+Result<> chooseNavigation(Scene& scene, NavigationType type);
+Result<> chooseSpeed(Scene& scene, double speed);
 
 }  // namespace rtsg

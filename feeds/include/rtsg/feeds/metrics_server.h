@@ -1,4 +1,5 @@
-// MetricsServer: offers measurements of a running program to Prometheus and `rtsg top`, by HTTP at /metrics.
+// MetricsServer: offers measurements of a running program to Prometheus and `rtsg top`, by HTTP at /metrics, and says
+// at /healthz whether it is well.
 //
 // Invariant: it answers GET and HEAD, one request for each connection, with the text that the program makes at that
 // moment; nothing is computed otherwise. Connections, requests and their time are bounded. Threading: a thread of its
@@ -20,10 +21,11 @@ namespace rtsg {
 class MetricsServer {
   public:
     /// `listen`: "9100" is that port on loopback, "HOST:9100" another address; port 0 is a free one. `text` is called
-    /// on the server's thread. Errors: those of the system; an address that other machines can reach, unless
-    /// `insecure`.
+    /// on the server's thread, as is `trouble`: a sentence, with which /healthz has status 503, or nothing. Errors:
+    /// those of the system; an address that other machines can reach, unless `insecure`.
     static Result<std::unique_ptr<MetricsServer>> start(const std::string& listen, bool insecure,
-                                                        std::function<std::string()> text);
+                                                        std::function<std::string()> text,
+                                                        std::function<std::string()> trouble = {});
     ~MetricsServer();
     MetricsServer(const MetricsServer&) = delete;
     MetricsServer& operator=(const MetricsServer&) = delete;

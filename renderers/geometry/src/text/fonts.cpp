@@ -2,12 +2,15 @@
 #include "fonts.h"
 
 #include <rtsg/core/module.h>
+#include <rtsg/core/sandbox.h>
+
+#include "sandbox_fonts.h"
 
 namespace rtsg {
 
 #ifdef RTSG_NO_FONTS
 
-Result<const Fonts*> fonts() {
+Result<const Fonts*> fontsHere() {
     return fail("text is not drawn: this build leaves fonts out (RTSG_FONTS=OFF)");
 }
 
@@ -26,11 +29,17 @@ Result<const Fonts*> loadFonts() {
 
 }  // namespace
 
-Result<const Fonts*> fonts() {
+Result<const Fonts*> fontsHere() {
     static const Result<const Fonts*> loaded = loadFonts();
     return loaded;
 }
 
 #endif
+
+Result<const Fonts*> fonts() {
+    auto here = fontsHere();
+    if (here && isSandboxed()) return &sandboxedFonts();
+    return here;
+}
 
 }  // namespace rtsg

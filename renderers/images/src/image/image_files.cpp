@@ -4,8 +4,21 @@
 #include <algorithm>
 
 #include <rtsg/core/module.h>
+#include <rtsg/core/sandbox.h>
+
+#include "sandbox_images.h"
 
 namespace rtsg {
+
+namespace {
+
+bool isWebp(std::span<const std::uint8_t> bytes) {
+    constexpr std::string_view kFirst = "RIFF", kLater = "WEBP";  // four bytes of a length between
+    return bytes.size() > 12 && std::ranges::equal(bytes.first(4), kFirst) &&
+           std::ranges::equal(bytes.subspan(8, 4), kLater);
+}
+
+}  // namespace
 
 #ifdef RTSG_NO_IMAGES
 
@@ -15,8 +28,11 @@ Result<const ImageFiles*> imageFiles() {
 Result<EncodePlain> plainEncoder(std::string_view) {
     return std::unexpected(imageFiles().error());
 }
-Result<ReadPlain> plainReader(std::span<const std::uint8_t>) {
+Result<ReadPlain> plainReaderHere(std::span<const std::uint8_t>) {
     return std::unexpected(imageFiles().error());
+}
+Result<const ImageFiles*> imageFilesHere() {
+    return imageFiles();
 }
 Result<ReadExr> exrReader() {
     return std::unexpected(imageFiles().error());
@@ -73,11 +89,9 @@ Result<EncodePlain> plainEncoder(std::string_view extension) {
     return nullptr;
 }
 
-Result<ReadPlain> plainReader([[maybe_unused]] std::span<const std::uint8_t> bytes) {
+Result<ReadPlain> plainReaderHere([[maybe_unused]] std::span<const std::uint8_t> bytes) {
 #ifdef RTSG_WEBP_MODULE
-    constexpr std::string_view kFirst = "RIFF", kLater = "WEBP";  // four bytes of a length between
-    if (bytes.size() > 12 && std::ranges::equal(bytes.first(4), kFirst) &&
-        std::ranges::equal(bytes.subspan(8, 4), kLater)) {
+    if (isWebp(bytes)) {
         static const auto webp = loadReader("rtsg_webp", RTSG_TEXT(RTSG_READ_WEBP_SYMBOL), ".webp files need");
         return webp;
     }
@@ -96,11 +110,29 @@ Result<ReadExr> exrReader() {
 #endif
 }
 
-Result<const ImageFiles*> imageFiles() {
+Result<const ImageFiles*> imageFilesHere() {
     static const Result<const ImageFiles*> files = load();
     return files;
 }
 
+Result<const ImageFiles*> imageFiles() {
+    if (isSandboxed()) return &sandboxedImageFiles();
+    return imageFilesHere();
+}
+
 #endif
+
+bool isPlainKind(std::span<const std::uint8_t> bytes) {
+    constexpr std::uint8_t kPng[] = {0x89, 'P', 'N', 'G'}, kJpeg[] = {0xFF, 0xD8, 0xFF};
+    const auto begins = [&](std::span<const std::uint8_t> with) {
+        return bytes.size() >= with.size() && std::ranges::equal(bytes.first(with.size()), with);
+    };
+    return begins(kPng) || begins(kJpeg) || isWebp(bytes);
+}
+
+Result<ReadPlain> plainReader(std::span<const std::uint8_t> bytes) {
+    if (isSandboxed()) return readPlainSandboxed;
+    return plainReaderHere(bytes);
+}
 
 }  // namespace rtsg

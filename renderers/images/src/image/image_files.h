@@ -102,6 +102,8 @@ class ImageFiles {
     virtual std::string encode(const std::string& name, const Sheet& sheet, std::vector<unsigned char>& file) const = 0;
     virtual std::string encodeAnimation(const std::string& name, std::span<const Sheet> sheets, double framesPerSecond,
                                         std::vector<unsigned char>& file) const = 0;
+    /// From here on it reads on the calling thread alone, and opens nothing.
+    virtual void workAlone() const = 0;
 };
 
 /// The module's; loads it at the first call. Error: it was left out of this build, or it is not where programs look for
@@ -141,7 +143,7 @@ using ReadPlain = bool (*)(std::span<const std::uint8_t> bytes, const ReadReques
 Result<ReadPlain> plainReader(std::span<const std::uint8_t> bytes);
 
 /// The names that the modules export; they change whenever this header does.
-#define RTSG_IMAGE_FILES_SYMBOL rtsgImageFiles7
+#define RTSG_IMAGE_FILES_SYMBOL rtsgImageFiles8
 #define RTSG_ENCODE_PNG_SYMBOL rtsgEncodePng2
 #define RTSG_ENCODE_JPEG_SYMBOL rtsgEncodeJpeg1
 #define RTSG_ENCODE_EXR_SYMBOL rtsgEncodeExr1

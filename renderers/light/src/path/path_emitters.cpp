@@ -118,9 +118,9 @@ void aim(const SurfacePacket& s, ChosenEmitters& chosen, const float* u, const f
         const F8 side = simd::sqrt(load(u + at));
         const V8 position =
             loadV(chosen.corner, at) + loadV(chosen.ab, at) * (1 - side) + loadV(chosen.ac, at) * (load(v + at) * side);
-        const V8 start = leave8(s, at, position - loadV(s.position, at)), length = position - start;
-        const F8 squared = dot(length, length), distance = simd::sqrt(squared);
-        const V8 direction = length * (1 / max(distance, all(1e-30f)));
+        const V8 start = leave8(s, at, position - loadV(s.position, at)), displacement = position - start;
+        const F8 squared = dot(displacement, displacement), distance = simd::sqrt(squared);
+        const V8 direction = displacement * (1 / max(distance, all(1e-30f)));
         const F8 cosine = -dot(loadV(chosen.normal, at), direction);
         const F8 density = load(chosen.probability + at) / load(chosen.area + at) * squared / absolute(cosine);
         const I8 good = lanesFrom(chosen.mask, at) & (distance > 1e-12f) & (dot(direction, facing8(s, at)) > 0.0f) &
@@ -131,8 +131,8 @@ void aim(const SurfacePacket& s, ChosenEmitters& chosen, const float* u, const f
         storeV(out.direction, at, direction);
         store(out.density + at, density);
         store(rays.originX + at, start.x), store(rays.originY + at, start.y), store(rays.originZ + at, start.z);
-        store(rays.directionX + at, length.x), store(rays.directionY + at, length.y),
-            store(rays.directionZ + at, length.z);
+        store(rays.directionX + at, displacement.x), store(rays.directionY + at, displacement.y),
+            store(rays.directionZ + at, displacement.z);
         store(rays.tMin + at, all(kLeave)), store(rays.tMax + at, all(kReach));
         std::memcpy(rays.active + at, &good, sizeof good);
         out.mask |= laneBits(good) << at;

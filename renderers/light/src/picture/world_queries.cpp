@@ -174,6 +174,7 @@ std::vector<Crossing> WorldQueries::crossings(const Vec3d& origin, const Vec3d& 
 }
 
 std::vector<Crossing> WorldQueries::obstacles(const Vec3d& origin, const Vec3d& direction, double length) {
+    if (!rules_.stops(length)) return {};
     return crossings(origin, direction, length, Surfaces::felt);
 }
 
@@ -211,13 +212,22 @@ std::vector<ShapeBox> WorldQueries::boxes() {
 }
 
 std::vector<Meeting> WorldQueries::meetings(const Vec3d& center, double radius, TriangleTest& test) {
+    return meetings(center, radius, test, Surfaces::seen);
+}
+
+std::vector<Meeting> WorldQueries::obstaclesNear(const Vec3d& center, double radius, TriangleTest& test) {
+    if (!rules_.walls) return {};
+    return meetings(center, radius, test, Surfaces::felt);
+}
+
+std::vector<Meeting> WorldQueries::meetings(const Vec3d& center, double radius, TriangleTest& test, Surfaces surfaces) {
     std::vector<Meeting> all;
     if (!follow()) return all;
     const Flattener& flattener = world_->flattener();
     const auto picks = Picker(world_->rays(), flattener)
                            .overlaps(
                                center, radius, [&](const InstanceId& id) { return test.concerns(flattener.path(id)); },
-                               [&](const std::array<Vec3d, 3>& triangle) { return test.meets(triangle); });
+                               [&](const std::array<Vec3d, 3>& triangle) { return test.meets(triangle); }, surfaces);
     if (!picks) return all;
     for (const Pick& pick : *picks)
         if (auto box = boxOf(world_->rays().instance(pick.instance.slot), pick.path))

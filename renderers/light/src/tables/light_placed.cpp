@@ -52,8 +52,7 @@ View readView(const Scene& scene, const Node& node) {
     } else if (node.is(x3d::OrthoViewpoint::type)) {
         common(static_cast<const x3d::OrthoViewpoint*>(nullptr));
         view.orthographic = true;
-        const auto& extent = node.get(x3d::OrthoViewpoint::fieldOfView);
-        for (std::size_t i = 0; i < 4 && extent.size() >= 4; ++i) view.extent[i] = extent[i];
+        view.extent = extentOf(node);
     } else if (node.is(x3d::GeoViewpoint::type)) {
         common(static_cast<const x3d::GeoViewpoint*>(nullptr));
         view.fieldOfView = node.get(x3d::GeoViewpoint::fieldOfView);

@@ -101,7 +101,7 @@ class PrimaryHits {
     PixelGrid grid_;
     PictureRows rows_;
     struct List {
-        std::uint32_t first = 0, count = 0;  // of `seen_`; more than `most_`: left to rays
+        std::uint32_t first = 0, count = 0;  // of `seen_`; more than kMax: left to rays
     };
     static constexpr std::uint32_t kMax = 256;  // for one sample
     std::uint32_t maximum_;

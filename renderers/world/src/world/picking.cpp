@@ -357,7 +357,8 @@ Result<std::vector<Pick>> Picker::overlaps(const Vec3d& center, double radius, S
 
 Result<std::vector<Pick>> Picker::overlaps(const Vec3d& center, double radius,
                                            const std::function<bool(const InstanceId&)>& concerns,
-                                           const std::function<bool(const std::array<Vec3d, 3>&)>& meets) const {
+                                           const std::function<bool(const std::array<Vec3d, 3>&)>& meets,
+                                           Surfaces surfaces) const {
     if (auto ok = checkPoint(*world_, center, "the centre"); !ok) return std::unexpected(ok.error());
     if (!(radius >= 0) || !std::isfinite(radius)) return fail("the radius is negative or not finite");
     struct Found {
@@ -380,7 +381,10 @@ Result<std::vector<Pick>> Picker::overlaps(const Vec3d& center, double radius,
         if (!found.met) found.met = meets({t.a, t.b, t.c});
         return search;
     };
-    world_->visitNear(world_->fromWorld(center), search, std::ref(visit));
+    if (surfaces == Surfaces::felt)
+        world_->visitFelt(world_->fromWorld(center), search, std::ref(visit));
+    else
+        world_->visitNear(world_->fromWorld(center), search, std::ref(visit));
     UnmetByRays(*world_).visitVolumes(visit);
     std::vector<Pick> picks;
     for (const auto& [slot, found] : bySlot)

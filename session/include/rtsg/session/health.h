@@ -1,4 +1,4 @@
-// Health: the figures that a long session shows of itself, for Prometheus and `rtsg top`.
+// Health: the figures that a long session shows of itself, for Prometheus and `rtsg top`, and whether it still runs.
 //
 // Threading: the scene's thread notes figures; they are read on the server's.
 #pragma once
@@ -39,7 +39,10 @@ class Health {
 
     /// Records a frame for later reports: the time it took, and the state and scene time it led to.
     void noteFrame(std::chrono::nanoseconds took, std::uint64_t state, double time);
+    static constexpr std::chrono::seconds kPatience{10};
     void noteFeeds(std::vector<EndpointCounts> counts);
+    /// This, or noteMirror(), is called in each round of the session's loop, at rest too: without it for kPatience, and
+    /// for three times as long as the last round took, the session counts as hung, and /healthz says so.
     /// `garbage`: of the messages that came to the server by other ways.
     void noteServer(const MirrorServer& server, std::uint64_t garbage);
     void noteLog(std::uint64_t bytes);
@@ -48,11 +51,15 @@ class Health {
   private:
     static constexpr std::array<double, 10> kBounds{.0005, .001, .002, .004, .008, .0167, .0333, .1, .25, 1};
     std::string text() const;
+    std::string trouble() const;
+    void noteRound();
     void addServer(MetricsText& text) const;
     void addMirror(MetricsText& text) const;
 
     mutable std::mutex mutex_;
     std::array<std::uint64_t, kBounds.size() + 1> frames_{};
+    std::chrono::steady_clock::time_point lastRound_ = std::chrono::steady_clock::now();
+    std::chrono::steady_clock::duration round_{};
     double seconds_ = 0, time_ = 0;
     std::uint64_t state_ = 0, logBytes_ = 0;
     std::optional<MirrorServerStatistics> peers_;

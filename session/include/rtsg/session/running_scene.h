@@ -28,6 +28,7 @@ class FetchedFiles;
 class FollowedFile;
 class Injections;
 class InlineLoader;
+class WorldQueries;
 
 /// The time of a scene's clock when it begins to run, and which of its animations plays.
 struct SceneStart {
@@ -84,6 +85,10 @@ class RunningScene {
     const Scene& scene() const { return scene_; }
     const Resources& resources() const { return resources_; }
 
+    /// Errors of the file, when it was loaded.
+    std::size_t errors() const { return errors_; }
+    /// What the scene knows about where geometry is. Call it after load().
+    WorldQueries& queries() { return *queries_; }
     /// For pictures, sound and pointer rays.
     WorldOnDemand& world() { return world_; }
 
@@ -104,7 +109,10 @@ class RunningScene {
     std::uint64_t run(const Pace& pace, const std::string& label,
                       const std::function<bool(std::uint64_t, const ChangeSet&)>& after);
 
-    /// Reports the diagnostics since load(). `known` is a subscriber's failure that the caller reports itself.
+    /// Reports the diagnostics since the last call, for those who do not wait for the end.
+    void reportNews();
+    /// Reports the diagnostics since load() that have not been reported. `known` is a subscriber's failure that the
+    /// caller reports itself.
     void reportDiagnostics(std::string_view known = {});
 
   private:
@@ -115,7 +123,8 @@ class RunningScene {
     SessionContext context_;
     std::string clip_;
     double start_, time_ = 0;
-    std::size_t errors_ = 0;  // of the file, when it was loaded
+    std::size_t errors_ = 0;                                   // of the file, when it was loaded
+    std::size_t reportedOfInlines_ = 0, reportedOfScene_ = 0;  // diagnostics
     bool startWasGiven_, followsEdits_ = false, embedsFetched_ = false;
     Scene scene_;
     Diagnostics inlineDiagnostics_;
@@ -123,7 +132,7 @@ class RunningScene {
     std::unique_ptr<InlineLoader> inlines_;
     std::unique_ptr<FetchedFiles> fetched_;
     WorldOnDemand world_;
-    std::unique_ptr<SpaceQueries> queries_;
+    std::unique_ptr<WorldQueries> queries_;
     std::unique_ptr<RigidBodyPhysics> physics_;
     std::vector<std::string> allowedAddresses_;
     std::unique_ptr<DisNetwork> network_;

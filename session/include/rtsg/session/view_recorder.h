@@ -1,15 +1,18 @@
 // Writes a log of the scene and a film of its pictures while a window shows it.
 //
-// Both get the first free name, and are complete once they have been ended. Threading: the scene's thread; a film is
-// encoded on a thread of its own, and only its end waits for that.
+// Both get the first free name. Threading: the scene's thread; a film is encoded and written on a thread of its own,
+// for which only finish() waits.
 #pragma once
 
+#include <atomic>
 #include <condition_variable>
 #include <memory>
 #include <mutex>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <thread>
+#include <vector>
 
 #include <rtsg/renderers/movie_writer.h>
 #include <rtsg/session/notices.h>
@@ -26,11 +29,16 @@ class WindowFilm {
     ~WindowFilm();
     /// The newest picture, if it is another one, `seconds` after the start.
     void show(std::shared_ptr<const LivePictureShown> picture, double seconds);
+    /// No more pictures come. What is left is encoded, and the file written, while others go on.
+    void end(double seconds);
+    bool isWritten() const { return isWritten_; }
+    /// The same, and waits for the file. Errors: those of MovieWriter; it has no picture.
     Result<> finish(double seconds);
 
   private:
     explicit WindowFilm(MovieWriter writer, int width, int height);
     void run();
+    Result<> encode();
     Result<> write(const LivePictureShown& picture, std::uint64_t until);
 
     MovieWriter writer_;
@@ -41,7 +49,8 @@ class WindowFilm {
     std::shared_ptr<const LivePictureShown> next_;
     double seconds_ = 0;  // since the start, of the next picture
     bool ends_ = false;
-    Result<> result_;  // the first error
+    Result<> result_;  // the first error; to be read once it is written
+    std::atomic<bool> isWritten_ = false;
     // The thread's own.
     std::uint64_t written_ = 0;  // pictures
     std::thread thread_;         // last: it uses the others
@@ -58,14 +67,23 @@ class ViewRecorder {
     void show(const SceneWindow& window, double seconds);
     /// For the title and the overlay; empty: nothing is being written.
     std::string status() const;
+    bool writesLog() const { return log_ != nullptr; }
+    bool writesFilm() const { return film_ != nullptr; }
     /// Ends both. The first error.
     Result<> finish();
 
   private:
+    struct Ended {
+        std::string file;
+        std::unique_ptr<WindowFilm> film;
+    };
+    std::string freeName(std::string_view extension) const;
+
     const SessionContext context_;
     std::string logFile_, filmFile_;
     std::unique_ptr<LogRecorder> log_;
     std::unique_ptr<WindowFilm> film_;
+    std::vector<Ended> ended_;  // and not yet written
     double begun_ = 0, now_ = 0;
 };
 

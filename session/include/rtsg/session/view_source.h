@@ -20,9 +20,12 @@ struct ViewSourceOptions {
     enum class Kind : std::uint8_t { scene, served, log } kind = Kind::scene;
     std::string name;              // a file, an ENDPOINT or a log
     std::string key, author;       // of a served scene: the file with the keys, and who acts there
-    double patience = 5;           // seconds without a server
+    double patience = 5;           // seconds to wait for a server at the beginning
+    bool endsWithServer = false;   // it ends when the server has left, or been silent for `patience`; else it goes on
+                                   // looking for one
     std::vector<std::string> set;  // events with their times, for a scene's file
     bool reload = false;           // the file: its edits are followed
+    bool onlyWhole = false;        // a file with errors is not opened
     Resources resources;           // what urls may open
     SceneStart start;
     std::vector<std::string> addresses;  // that DIS nodes may use
@@ -58,13 +61,16 @@ class ViewSource {
     virtual std::optional<Camera> eye(double aspect) = 0;
     /// Its time stops or goes on. Error: it has no time of its own.
     virtual Result<> pause(bool on) = 0;
-    /// Handles a request of the time line: skip, seek, step, rate, history. Error: there is no time line.
+    /// Handles a request of the time line: skip, seek, step, rate, history; and those about how one moves: navigation,
+    /// walls, ground, speed, viewAll, straighten. Errors: there is no time line; those of rtsg/core/navigation.h.
     virtual Result<> answer(const SceneWindowRequest& request) {
         (void)request;
         return fail("a scene that runs has one time: a log of it has all");
     }
     /// A short status for the title.
     virtual std::string status() const { return {}; }
+    /// For the bar.
+    virtual void describe(SceneWindowChoices& choices) = 0;
     /// For the overlay.
     virtual void describe(SceneWindowStatus& status) { (void)status; }
     /// At the end: reports the last messages; returns an error if something went wrong.

@@ -16,6 +16,7 @@ namespace rtsg {
 
 struct LogSummary {
     std::uint64_t bytes = 0;
+    std::uint64_t states = 0;     // that a replay goes through: each session's first, and one a frame
     std::uint64_t frames = 0;     // change sets, and inputs that replace one
     std::uint64_t keyframes = 0;  // whole states; one written twice counts once
     std::uint64_t inputs = 0;     // records with the input of a frame

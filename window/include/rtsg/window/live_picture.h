@@ -71,6 +71,12 @@ class LivePicture {
     Result<> show(const std::optional<Camera>& eye = std::nullopt);
     /// Sets the size of a whole picture. Precondition: above 0.
     void setSize(int width, int height);
+    /// How long it takes to show a picture, in seconds: pictures in motion get that much less.
+    void setShowing(double seconds);
+    /// While nobody sees pictures none are made.
+    void setSeen(bool on);
+    /// The renderer's and the world's diagnostics since the last call. Call it on the scene's thread.
+    Diagnostics takeDiagnostics();
     /// The newest picture, if it has not been taken yet; else null.
     std::shared_ptr<const LivePictureShown> take();
     LivePictureStatistics statistics() const;

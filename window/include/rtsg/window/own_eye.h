@@ -6,6 +6,7 @@
 // 19775-1 V4.0 23.4.4.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <optional>
 
@@ -32,8 +33,14 @@ class OwnEye {
     void advance(double seconds);
     /// Whether it is in motion.
     bool isMoving() const;
-    /// Null until it has been moved. `aspect` is width / height.
+    /// Null until it has been moved. It has the projection of the viewpoint where it began. `aspect` is width / height.
     std::optional<Camera> camera(double aspect) const;
+    /// Lets `choice` send events to the scene that holds this eye, with the walls around it (rtsg/core/navigation.h).
+    /// From then on there is an own eye. Errors: those of `choice`.
+    Result<> choose(const std::function<Result<>(Scene&, SpaceQueries&)>& choice);
+    void setObstacles(const ObstacleRules& rules);
+    /// The scene by whose NavigationInfo this eye moves.
+    const Scene& navigated() const;
     /// Replaces a place in the picture by the ray through it, for scenes that do not know this eye. Where another layer
     /// is in front, it is the ray of that layer's viewpoint; where a HUD is in front, it is a ray that meets the HUD in
     /// the other scene. The choice stays until the buttons that were pressed there are released.

@@ -2,10 +2,11 @@
 //
 // The application runs its scene on its own thread and calls poll() between frames. poll() shows the newest picture and
 // sends user input as device input (rtsg/core/device_input.h), so that sensors and navigation react, and logs and
-// mirrors have it. LivePicture makes the pictures. The window handles these keys: Escape closes; F1 shows an overlay
-// with statistics, nodes and, for a log, a time line; F11 switches to full screen; Ctrl+S writes a picture, Ctrl+L a
-// log, Ctrl+F a film; Ctrl+Space pauses; Ctrl+LEFT and Ctrl+RIGHT skip. Threading: the scene's thread, which should be
-// the program's main thread.
+// mirrors have it. LivePicture makes the pictures. A bar at the top has what people look for first. The window handles
+// these keys: Escape closes; ? lists the keys; F1 shows an overlay with statistics, nodes and, for a log, a time line;
+// F2 the bar; F6 to F9 choose how one moves; F11 switches to full screen; Ctrl+O opens, Ctrl+Backspace goes back;
+// Ctrl+S writes a picture, Ctrl+L a log, Ctrl+F a film; Ctrl+Space pauses; Ctrl+LEFT and Ctrl+RIGHT skip. Threading:
+// the scene's thread, which should be the program's main thread.
 
 // Example:
 //     #include <rtsg/documents/loader.h>
@@ -63,16 +64,36 @@ struct SceneWindowStatus {
 };
 
 /// A user's request to the application.
+/// What the bar shows as chosen.
+struct SceneWindowChoices {
+    std::string navigation = "EXAMINE";  // empty: nobody moves here
+    bool walls = true, ground = true;
+    double speed = 1;              // metres a second
+    std::optional<double> volume;  // 0 to 1; none: there is no sound
+    bool canGoBack = false, writesLog = false, writesFilm = false;
+    friend bool operator==(const SceneWindowChoices&, const SceneWindowChoices&) = default;
+};
+
 struct SceneWindowRequest {
     enum class Kind : std::uint8_t {
-        pause,    // on: time stops; off: it continues
-        skip,     // number: seconds, back if negative
-        seek,     // number: a time on the time line, seconds
-        step,     // number: states, back if negative
-        rate,     // number: seconds a second
-        history,  // node, field: who has changed the field; an empty field ends the request
-        log,      // a log is to begin, or to end
-        film,     // the same for a film
+        pause,       // on: time stops; off: it continues
+        skip,        // number: seconds, back if negative
+        seek,        // number: a time on the time line, seconds
+        step,        // number: states, back if negative
+        rate,        // number: seconds a second
+        history,     // node, field: who has changed the field; an empty field ends the request
+        log,         // a log is to begin, or to end
+        film,        // the same for a film
+        navigation,  // field: EXAMINE, WALK, FLY, LOOKAT or NONE
+        walls,       // on: they stop the viewer
+        ground,      // on: the viewer falls to it
+        speed,       // number: by which NavigationInfo's speed is multiplied
+        viewAll,     // the viewer goes to where all is to be seen
+        straighten,  // the viewer stands upright
+        volume,      // number: of the sound, 0 to 1
+        open,        // field: a file that is to be shown instead
+        back,        // to what was shown before
+        anchor,      // node: an Anchor that was clicked
     };
     Kind kind = Kind::pause;
     double number = 0;
@@ -96,6 +117,8 @@ struct SceneWindowOptions {
     /// Errors as above.
     std::function<Result<>(NodeId, FieldIndex, Value)> change;
     bool overlay = false;  // whether it is shown from the start
+    bool bar = false;      // the same for the bar at the top
+    std::string folder;    // where somebody looks for files first; empty: the working folder
     /// Where Ctrl+S writes pictures: "NAME-%d.png" with numbers from 1.
     std::string screenshots = "rtsg-%d.png";
 };
@@ -131,7 +154,15 @@ class SceneWindow {
     std::vector<SceneWindowRequest> takeRequests();
     /// Sets the data of the overlay. Call it when the data have changed, at most ten times a second.
     void setStatus(SceneWindowStatus status);
+    void setChoices(SceneWindowChoices choices);
     bool showsOverlay() const;
+    bool showsBar() const;
+    /// The integrator of its pictures, which the user may have changed.
+    Integrator integrator() const;
+    /// Adds a line to the messages at the foot of the window. The last five hundred are kept.
+    void showMessage(const Diagnostic& message);
+    /// The messages that are shown.
+    std::vector<Diagnostic> messages() const;
     /// Marks a place of the world in the picture, in front of everything: the hand of a haptic device, in a warm colour
     /// while it touches. Null: no mark.
     void showProbe(const std::optional<Vec3d>& position, bool touches);

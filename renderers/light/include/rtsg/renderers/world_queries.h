@@ -52,13 +52,18 @@ class WorldQueries final : public SpaceQueries {
     std::vector<std::vector<NodeId>> within(const Vec3d& center, double radius) override;
     std::vector<Crossing> crossings(const Vec3d& origin, const Vec3d& direction, double length) override;
     std::vector<Crossing> obstacles(const Vec3d& origin, const Vec3d& direction, double length) override;
+    bool knowsTriangles() const override { return true; }
+    std::vector<Meeting> obstaclesNear(const Vec3d& center, double radius, TriangleTest& test) override;
     std::vector<ShapeBox> boxes() override;
     /// Uses triangles in world space, in double precision; a level of detail is the one that was last seen.
     std::vector<Meeting> meetings(const Vec3d& center, double radius, TriangleTest& test) override;
     std::vector<Vec3d> corners(const Node& geometry) override;
+    /// What obstacles() leaves out. By default nothing.
+    void setObstacles(const ObstacleRules& rules) { rules_ = rules; }
 
   private:
     bool follow();
+    std::vector<Meeting> meetings(const Vec3d& center, double radius, TriangleTest& test, Surfaces surfaces);
     std::vector<Crossing> crossings(const Vec3d& origin, const Vec3d& direction, double length, Surfaces surfaces);
     std::optional<PointerHit> hitOf(Pick&& pick) const;
     class Seen;
@@ -67,6 +72,7 @@ class WorldQueries final : public SpaceQueries {
     SharedWorld* world_ = nullptr;  // from the first question on, as is seen_
     std::unique_ptr<Seen> seen_;
     bool reported_ = false;
+    ObstacleRules rules_;
 };
 
 }  // namespace rtsg

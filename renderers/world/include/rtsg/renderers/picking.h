@@ -86,7 +86,8 @@ class Picker {
     /// boxes of volumes count as triangles.
     Result<std::vector<Pick>> overlaps(const Vec3d& center, double radius,
                                        const std::function<bool(const InstanceId&)>& concerns,
-                                       const std::function<bool(const std::array<Vec3d, 3>&)>& meets) const;
+                                       const std::function<bool(const std::array<Vec3d, 3>&)>& meets,
+                                       Surfaces surfaces = Surfaces::seen) const;
     /// Moves a ball by `displacement` until it first touches a surface. Error: as above, or the displacement is not
     /// finite. A ball of radius 0 is a ray of that length; a displacement of 0 tells whether it overlaps now.
     Result<Pick> sweep(const Vec3d& center, double radius, const Vec3d& displacement) const;
