@@ -94,7 +94,7 @@ TEST_F(Mirror, PicturesOfARestShowTheRest) {
     const auto states = json::parse(watched.out).at("picture_states").get<std::vector<std::uint64_t>>();
     ASSERT_EQ(states.size(), 30u);
     std::vector<std::string> pictures;
-    for (int k = 0; k < 30; ++k) pictures.push_back(readFile(folder / fmt::format("p{:02}.png", k)));
+    for (int k = 0; k < 30; ++k) pictures.push_back(pictureIn(folder / fmt::format("p{:02}.png", k)));
     const auto changed = std::ranges::find_if(pictures, [&](const std::string& p) { return p != pictures.front(); });
     const auto at = changed - pictures.begin();
     EXPECT_GT(at, 8) << "it began a little before the other";

@@ -52,7 +52,7 @@ ROUTE PATH.value_changed TO BOX.set_translation
         EXPECT_EQ(outcome.status, 0) << outcome.err;
         return json::parse(lastLine(outcome.out), nullptr, false);
     }
-    std::string bytes(const std::string& name) { return readFile(folder / name); }
+    std::string bytes(const std::string& name) { return pictureIn(folder / name); }
     void expectSameFiles(const std::string& a, const std::string& b) {
         for (int k = 0; k < 10; ++k) {
             const std::string picture = std::to_string(k) + ".png";

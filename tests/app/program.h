@@ -34,6 +34,22 @@ inline void writeFile(const std::filesystem::path& file, const std::string& cont
     std::ofstream(file, std::ios::binary) << content;
 }
 
+/// A picture's file without the notes in it that say what it was made of: what is left is what one sees.
+inline std::string pictureIn(const std::filesystem::path& file) {
+    std::string bytes = readFile(file);
+    constexpr std::size_t kSignature = 8, kFrame = 12;
+    if (file.extension() != ".png") return bytes;
+    for (std::size_t at = kSignature; at + kFrame <= bytes.size();) {
+        std::size_t length = 0;
+        for (std::size_t i = 0; i < 4; ++i) length = length << 8 | static_cast<std::uint8_t>(bytes[at + i]);
+        if (bytes.compare(at + 4, 4, "iTXt") == 0)
+            bytes.erase(at, length + kFrame);
+        else
+            at += length + kFrame;
+    }
+    return bytes;
+}
+
 inline std::string lastLine(const std::string& text) {
     const auto end = text.find_last_not_of('\n');
     if (end == std::string::npos) return {};

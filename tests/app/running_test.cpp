@@ -45,7 +45,7 @@ ROUTE WHEN.value_changed TO LATER.set_load
     std::string picture(const std::string& scene) {
         const Outcome outcome = rtsg({"render", folder / scene, "-o", folder / "p.png", "--size", "16x9"});
         EXPECT_EQ(outcome.status, 0) << outcome.err;
-        return readFile(folder / "p.png");
+        return pictureIn(folder / "p.png");
     }
     std::string expected, before;  // the bytes of a picture
 };
@@ -54,15 +54,15 @@ TEST_F(LateInline, IsInPicturesOfTheTimeWhenItIsLoaded) {
     for (const auto& [time, bytes] : {std::pair{"0.4", before}, {"0.5", expected}, {"0.9", expected}}) {
         const Outcome outcome = rtsg({"render", file, "-o", folder / "r.png", "--size", "16x9", "--time", time});
         ASSERT_EQ(outcome.status, 0) << outcome.err;
-        EXPECT_EQ(readFile(folder / "r.png"), bytes) << time;
+        EXPECT_EQ(pictureIn(folder / "r.png"), bytes) << time;
     }
     // While an animation runs, as well.
     ASSERT_EQ(rtsg({"render", file, "-o", folder / "a%d.png", "--size", "16x9", "--time", "0.4", "--frames", "2",
                     "--fps", "10"})
                   .status,
               0);
-    EXPECT_EQ(readFile(folder / "a0.png"), before);
-    EXPECT_EQ(readFile(folder / "a1.png"), expected);
+    EXPECT_EQ(pictureIn(folder / "a0.png"), before);
+    EXPECT_EQ(pictureIn(folder / "a1.png"), expected);
 }
 
 TEST_F(LateInline, IsMetByRays) {
@@ -99,7 +99,7 @@ TEST_F(LateInline, IsInLogsAndReplays) {
         const Outcome replayed =
             rtsg({"replay", log, "--verify", "--render", folder / "r.png", "--size", "16x9", "--base", folder / ""});
         ASSERT_EQ(replayed.status, 0) << replayed.err;
-        EXPECT_EQ(readFile(folder / "r.png"), expected) << testing::PrintToString(more);
+        EXPECT_EQ(pictureIn(folder / "r.png"), expected) << testing::PrintToString(more);
     }
 }
 
@@ -109,7 +109,7 @@ TEST_F(LateInline, IsServedToMirrors) {
     const Outcome mirrored = rtsg(
         {"mirror", "ipc://" + folder / "s", "--for", "1s", "--render", folder / "m.png", "--size", "16x9", "--json"});
     EXPECT_EQ(mirrored.status, 0) << mirrored.err;
-    EXPECT_EQ(readFile(folder / "m.png"), expected);
+    EXPECT_EQ(pictureIn(folder / "m.png"), expected);
     server.signal(SIGINT);
     server.wait();
 }
@@ -119,7 +119,7 @@ TEST_F(LateInline, IsInWhatRunMakes) {
         rtsg({"run", file, "--for", "1s", "--fps", "10", "--render", folder / "r%d.png", "--size", "16x9", "--json"});
     ASSERT_EQ(outcome.status, 0) << outcome.err;
     for (int k = 0; k < 10; ++k)
-        EXPECT_EQ(readFile(folder / ("r" + std::to_string(k) + ".png")), k < 5 ? before : expected) << k;
+        EXPECT_EQ(pictureIn(folder / ("r" + std::to_string(k) + ".png")), k < 5 ? before : expected) << k;
 }
 
 TEST_F(LateInline, ThatIsNotThereIsReportedOnce) {
@@ -174,7 +174,7 @@ TEST_F(AwaitedMirrors, HaveEveryFrameFromTheStart) {
     EXPECT_DOUBLE_EQ(seconds(folder / "r.wav"), 1);
     // The first picture is of the scene's start.
     ASSERT_EQ(rtsg(atZero({"render", file, "-o", folder / "d.png", "--size", "16x9"})).status, 0);
-    EXPECT_EQ(readFile(folder / "r0.png"), readFile(folder / "d.png"));
+    EXPECT_EQ(pictureIn(folder / "r0.png"), pictureIn(folder / "d.png"));
 }
 
 TEST_F(AwaitedMirrors, ThatDoNotComeDoNotKeepTheServerFromEnding) {
@@ -283,7 +283,7 @@ TEST_F(RunOutputs, ArePicturesAtEveryFrameAndAllOfTheSound) {
         ASSERT_EQ(
             rtsg({"render", file, "-o", folder / "d.png", "--size", "16x9", "--time", "0." + std::to_string(k)}).status,
             0);
-        EXPECT_EQ(readFile(folder / ("r" + std::to_string(k) + ".png")), readFile(folder / "d.png")) << k;
+        EXPECT_EQ(pictureIn(folder / ("r" + std::to_string(k) + ".png")), pictureIn(folder / "d.png")) << k;
     }
 }
 
@@ -307,7 +307,7 @@ TEST_F(FilmOnAScreen, IsInThePicturesOfItsTime) {
     };
     const Outcome run = with({"run", file, "--at", "0", "--for", "0.8s"}, "r%d.png");
     ASSERT_EQ(run.status, 0) << run.err;
-    const auto picture = [&](int k) { return readFile(folder / ("r" + std::to_string(k) + ".png")); };
+    const auto picture = [&](int k) { return pictureIn(folder / ("r" + std::to_string(k) + ".png")); };
     EXPECT_EQ(picture(0), picture(1)) << "its first picture until it starts";
     for (const int k : {2, 3, 4}) EXPECT_NE(picture(k), picture(k - 1)) << k;
     EXPECT_EQ(picture(6), picture(5)) << "it has ended";
@@ -317,7 +317,7 @@ TEST_F(FilmOnAScreen, IsInThePicturesOfItsTime) {
               0);
     const Outcome replay = with({"replay", folder / "film.rlog"}, "s%d.png");
     ASSERT_EQ(replay.status, 0) << replay.err;
-    for (const int k : {0, 3, 6}) EXPECT_EQ(readFile(folder / ("s" + std::to_string(k) + ".png")), picture(k)) << k;
+    for (const int k : {0, 3, 6}) EXPECT_EQ(pictureIn(folder / ("s" + std::to_string(k) + ".png")), picture(k)) << k;
 }
 
 TEST_F(RunOutputs, HaveTheirLengthWhereNoFrameIsAtTheEnd) {

@@ -153,6 +153,20 @@ def is_whole_png(path):
     return data[:8] == b"\x89PNG\r\n\x1a\n" and data[-12:-4] == b"\0\0\0\0IEND"
 
 
+def without_notes(path):
+    """A file's bytes, of a .png without the notes that say what it was made of."""
+    data = pathlib.Path(path).read_bytes()
+    if not data.startswith(b"\x89PNG"):
+        return data
+    kept, at = data[:8], 8
+    while at < len(data):
+        end = at + 12 + int.from_bytes(data[at:at + 4], "big")
+        if data[at + 4:at + 8] != b"iTXt":
+            kept += data[at:end]
+        at = end
+    return kept
+
+
 def pictures(folder, pattern):
     return sorted(p.name for p in pathlib.Path(folder).iterdir() if re.fullmatch(pattern, p.name))
 
