@@ -21,7 +21,7 @@ namespace {
 
 constexpr double kRadians = 3.141592653589793 / 180;
 constexpr double kMaxAngle = 64 * 6.283185307179586;  // of a joint with limits
-constexpr double kFarthest = 1000;                     // m: how far a joint slides that has no limits
+constexpr double kFarthest = 1000;                    // m: how far a joint slides that has no limits
 constexpr std::size_t kDeepestFrame = 200;
 
 /// A frame within another.
@@ -201,8 +201,7 @@ class SdfReader {
         });
         tree_.forEach(e, "link", [&](const XmlElement& link) {
             const auto joint = endsIn.find(nameOf(link));
-            addLink(link, start,
-                    joint == endsIn.end() ? placed(link, "") : frameCalled(nameOf(*joint->second), link, 0));
+            addLink(link, start, joint == endsIn.end() ? placed(link, "") : placed(*joint->second, nameOf(link)));
         });
         for (const XmlElement* joint : joints) addJoint(*joint, start, model);
         for (const auto& [name, link] : links_)
@@ -283,8 +282,7 @@ class SdfReader {
             const auto normal = numbersIn<3>(e, "normal").value_or(std::array<double, 3>{0, 0, 1});
             if (!size || !((*size)[0] > 0 && (*size)[1] > 0)) return bad("size");
             const glm::dvec3 up((normal)[0], (normal)[1], (normal)[2]);
-            if (glm::length(up) > 0)
-                frame = frame * SdfFrame{{}, rotationTo(glm::normalize(up))};
+            if (glm::length(up) > 0) frame = frame * SdfFrame{{}, rotationTo(glm::normalize(up))};
             frame = frame * SdfFrame{{0, 0, -kThin / 2}, {1, 0, 0, 0}};
             shape.size = {(*size)[0], (*size)[1], kThin};
         } else if (e.name == "mesh") {
@@ -375,8 +373,11 @@ class SdfReader {
         for (const auto& [name, link] : links_) {
             if (reached[link.number]) continue;
             for (UrdfLink& one : model_.links)
-                std::erase_if(one.joints,
-                              [&](std::uint32_t joint) { return model_.joints[joint].child == link.number; });
+                std::erase_if(one.joints, [&](std::uint32_t joint) {
+                    if (model_.joints[joint].child != link.number) return false;
+                    model_.joints[joint].kind = UrdfJoint::Kind::fixed;  // it has no node
+                    return true;
+                });
             error(e, named(e) + "its joints form a circle at link " + name + "; one is left out");
             fix(link.number, link.frame, e.where);
             reach(link.number);
