@@ -6,6 +6,7 @@
 #include <cmath>
 #include <map>
 #include <optional>
+#include <set>
 #include <span>
 
 #include <glm/gtc/quaternion.hpp>
@@ -206,7 +207,7 @@ class SdfReader {
         for (const XmlElement* joint : joints) addJoint(*joint, start, model);
         for (const auto& [name, link] : links_)
             if (!endsIn.contains(name)) fix(link.number, model * link.frame, frames_.at(name)->where);
-        breakCircles(e);
+        breakCircles(e, endsIn);
         tree_.forEach(e, "model",
                       [&](const XmlElement& inner) { addModel(inner, model, start + nameOf(inner), depth + 1); });
         countOthers(e, {"link", "joint", "frame", "pose", "model", "static", "self_collide", "allow_auto_disable"});
@@ -237,7 +238,7 @@ class SdfReader {
         tree_.forEach(e, "collision",
                       [&](const XmlElement& one) { addShape(one, inside * placed(one, name), link.collisions); });
         countOthers(e, {"visual", "collision", "pose"});
-        links_.emplace(name, Link{static_cast<std::uint32_t>(model_.links.size()), frame});
+        links_.emplace(name, Link{static_cast<std::uint32_t>(model_.links.size()), frame, {}});
         model_.links.push_back(std::move(link));
     }
     void addShape(const XmlElement& e, const SdfFrame& frame, std::vector<UrdfShape>& shapes) {
@@ -303,7 +304,8 @@ class SdfReader {
         const auto from = links_.find(parent);
         if (from == links_.end() && parent != "world")
             error(e, named(e) + "there is no link " + parent + "; the world is taken");
-        const Link& child = links_.at(textIn(e, "child"));
+        Link& child = links_.at(textIn(e, "child"));
+        child.joint = static_cast<std::uint32_t>(model_.joints.size());
         UrdfJoint joint;
         joint.name = prefix + nameOf(e);
         joint.where = e.where;
@@ -358,26 +360,24 @@ class SdfReader {
         std::swap(joint.lower, joint.upper);
     }
     /// Joints whose links are below themselves hang on nothing: one of them is taken out.
-    void breakCircles(const XmlElement& e) {
-        std::vector<bool> reached(model_.links.size());
+    void breakCircles(const XmlElement& e, const std::map<std::string, const XmlElement*>& endsIn) {
+        std::set<std::uint32_t> reached;
         const auto reach = [&](std::uint32_t from) {
             std::vector<std::uint32_t> open{from};
             while (!open.empty()) {
                 const std::uint32_t link = open.back();
                 open.pop_back();
-                reached[link] = true;
+                if (!reached.insert(link).second) continue;
                 for (const std::uint32_t joint : link_(link).joints) open.push_back(model_.joints[joint].child);
             }
         };
-        reach(0);
+        for (const auto& [name, link] : links_)
+            if (!endsIn.contains(name) || (link.joint && model_.joints[*link.joint].parent == 0)) reach(link.number);
         for (const auto& [name, link] : links_) {
-            if (reached[link.number]) continue;
-            for (UrdfLink& one : model_.links)
-                std::erase_if(one.joints, [&](std::uint32_t joint) {
-                    if (model_.joints[joint].child != link.number) return false;
-                    model_.joints[joint].kind = UrdfJoint::Kind::fixed;  // it has no node
-                    return true;
-                });
+            if (reached.contains(link.number) || !link.joint) continue;
+            UrdfJoint& joint = model_.joints[*link.joint];
+            std::erase(link_(joint.parent).joints, *link.joint);
+            joint.kind = UrdfJoint::Kind::fixed;  // it has no node
             error(e, named(e) + "its joints form a circle at link " + name + "; one is left out");
             fix(link.number, link.frame, e.where);
             reach(link.number);
@@ -386,7 +386,8 @@ class SdfReader {
 
     struct Link {
         std::uint32_t number = 0;
-        SdfFrame frame;  // in the model: of the joint that ends in it, or its own
+        SdfFrame frame;                        // in the model: of the joint that ends in it, or its own
+        std::optional<std::uint32_t> joint{};  // that ends in it
     };
     UrdfModel& model_;
     Diagnostics& diagnostics_;
