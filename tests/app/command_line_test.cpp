@@ -92,7 +92,7 @@ TEST_F(Usage, WrongUsageIsStatusTwo) {
         {"mirror", "nonsense"},
         {"help", "paint"},
         {"completion", "tcsh"},
-        {"mirror", "ipc://" + folder / "nobody", "--save", folder / "a.rtsgb"},
+        {"mirror", "ipc://" + folder / "nobody", "--save", folder / "a.stl"},
     };
     for (const auto& arguments : wrong) {
         const Outcome outcome = rtsg(arguments);

@@ -202,7 +202,7 @@ TEST_F(NothingIsLost, UnknownKindsAreRefusedByName) {
              {{"render", file, "-o", folder / "a.avi"}, ".png"},
              {{"render", file, "-o", folder / "a"}, ".png"},
              {{"convert", file, folder / "a.fbx"}, ".x3dv"},
-             {{"replay", log, "--save", folder / "a.rtsgb"}, ".x3dv"},
+             {{"replay", log, "--save", folder / "a.glb"}, ".x3dv"},
              {{"replay", log, "--render", folder / "a.svg"}, ".png"},
              {{"replay", log, "--listen", folder / "a.ogg"}, ".wav"},
          }) {

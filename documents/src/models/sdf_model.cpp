@@ -6,6 +6,7 @@
 #include <cmath>
 #include <map>
 #include <optional>
+#include <set>
 #include <span>
 
 #include <glm/gtc/quaternion.hpp>
@@ -21,7 +22,7 @@ namespace {
 
 constexpr double kRadians = 3.141592653589793 / 180;
 constexpr double kMaxAngle = 64 * 6.283185307179586;  // of a joint with limits
-constexpr double kFarthest = 1000;                     // m: how far a joint slides that has no limits
+constexpr double kFarthest = 1000;                    // m: how far a joint slides that has no limits
 constexpr std::size_t kDeepestFrame = 200;
 
 /// A frame within another.
@@ -201,13 +202,12 @@ class SdfReader {
         });
         tree_.forEach(e, "link", [&](const XmlElement& link) {
             const auto joint = endsIn.find(nameOf(link));
-            addLink(link, start,
-                    joint == endsIn.end() ? placed(link, "") : frameCalled(nameOf(*joint->second), link, 0));
+            addLink(link, start, joint == endsIn.end() ? placed(link, "") : placed(*joint->second, nameOf(link)));
         });
         for (const XmlElement* joint : joints) addJoint(*joint, start, model);
         for (const auto& [name, link] : links_)
             if (!endsIn.contains(name)) fix(link.number, model * link.frame, frames_.at(name)->where);
-        breakCircles(e);
+        breakCircles(e, endsIn);
         tree_.forEach(e, "model",
                       [&](const XmlElement& inner) { addModel(inner, model, start + nameOf(inner), depth + 1); });
         countOthers(e, {"link", "joint", "frame", "pose", "model", "static", "self_collide", "allow_auto_disable"});
@@ -238,7 +238,7 @@ class SdfReader {
         tree_.forEach(e, "collision",
                       [&](const XmlElement& one) { addShape(one, inside * placed(one, name), link.collisions); });
         countOthers(e, {"visual", "collision", "pose"});
-        links_.emplace(name, Link{static_cast<std::uint32_t>(model_.links.size()), frame});
+        links_.emplace(name, Link{static_cast<std::uint32_t>(model_.links.size()), frame, {}});
         model_.links.push_back(std::move(link));
     }
     void addShape(const XmlElement& e, const SdfFrame& frame, std::vector<UrdfShape>& shapes) {
@@ -283,8 +283,7 @@ class SdfReader {
             const auto normal = numbersIn<3>(e, "normal").value_or(std::array<double, 3>{0, 0, 1});
             if (!size || !((*size)[0] > 0 && (*size)[1] > 0)) return bad("size");
             const glm::dvec3 up((normal)[0], (normal)[1], (normal)[2]);
-            if (glm::length(up) > 0)
-                frame = frame * SdfFrame{{}, rotationTo(glm::normalize(up))};
+            if (glm::length(up) > 0) frame = frame * SdfFrame{{}, rotationTo(glm::normalize(up))};
             frame = frame * SdfFrame{{0, 0, -kThin / 2}, {1, 0, 0, 0}};
             shape.size = {(*size)[0], (*size)[1], kThin};
         } else if (e.name == "mesh") {
@@ -305,7 +304,8 @@ class SdfReader {
         const auto from = links_.find(parent);
         if (from == links_.end() && parent != "world")
             error(e, named(e) + "there is no link " + parent + "; the world is taken");
-        const Link& child = links_.at(textIn(e, "child"));
+        Link& child = links_.at(textIn(e, "child"));
+        child.joint = static_cast<std::uint32_t>(model_.joints.size());
         UrdfJoint joint;
         joint.name = prefix + nameOf(e);
         joint.where = e.where;
@@ -360,23 +360,24 @@ class SdfReader {
         std::swap(joint.lower, joint.upper);
     }
     /// Joints whose links are below themselves hang on nothing: one of them is taken out.
-    void breakCircles(const XmlElement& e) {
-        std::vector<bool> reached(model_.links.size());
+    void breakCircles(const XmlElement& e, const std::map<std::string, const XmlElement*>& endsIn) {
+        std::set<std::uint32_t> reached;
         const auto reach = [&](std::uint32_t from) {
             std::vector<std::uint32_t> open{from};
             while (!open.empty()) {
                 const std::uint32_t link = open.back();
                 open.pop_back();
-                reached[link] = true;
+                if (!reached.insert(link).second) continue;
                 for (const std::uint32_t joint : link_(link).joints) open.push_back(model_.joints[joint].child);
             }
         };
-        reach(0);
+        for (const auto& [name, link] : links_)
+            if (!endsIn.contains(name) || (link.joint && model_.joints[*link.joint].parent == 0)) reach(link.number);
         for (const auto& [name, link] : links_) {
-            if (reached[link.number]) continue;
-            for (UrdfLink& one : model_.links)
-                std::erase_if(one.joints,
-                              [&](std::uint32_t joint) { return model_.joints[joint].child == link.number; });
+            if (reached.contains(link.number) || !link.joint) continue;
+            UrdfJoint& joint = model_.joints[*link.joint];
+            std::erase(link_(joint.parent).joints, *link.joint);
+            joint.kind = UrdfJoint::Kind::fixed;  // it has no node
             error(e, named(e) + "its joints form a circle at link " + name + "; one is left out");
             fix(link.number, link.frame, e.where);
             reach(link.number);
@@ -385,7 +386,8 @@ class SdfReader {
 
     struct Link {
         std::uint32_t number = 0;
-        SdfFrame frame;  // in the model: of the joint that ends in it, or its own
+        SdfFrame frame;                        // in the model: of the joint that ends in it, or its own
+        std::optional<std::uint32_t> joint{};  // that ends in it
     };
     UrdfModel& model_;
     Diagnostics& diagnostics_;
