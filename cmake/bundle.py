@@ -9,6 +9,7 @@ and what belongs to drivers, displays and sound cards. The licences of all that 
 Exit status 1: a library or a licence is missing.
 """
 import argparse
+import functools
 import gzip
 import hashlib
 import os
@@ -79,16 +80,25 @@ class Machine:
         for folder in folders:
             if folder.startswith("/") and os.path.exists(os.path.join(folder, name)):
                 return pathlib.Path(folder, name).resolve()
-        if name not in self.files:
-            sys.exit(f"bundle.py: {name} is not on this machine")
-        return pathlib.Path(self.files[name]).resolve()
+        # Some are needed by another name than the one by which the loader's list has them.
+        for path in (self.files.get(name), *(f"{folder}/{platform.machine()}-linux-gnu/{name}" for folder in ("/usr/lib", "/lib"))):
+            if path and os.path.exists(path):
+                return pathlib.Path(path).resolve()
+        sys.exit(f"bundle.py: {name} is not on this machine")
 
-    @staticmethod
-    def package(file):
-        for path in (str(file), str(file).removeprefix("/usr"), "/usr" + str(file)):
-            found = subprocess.run(["dpkg", "-S", path], capture_output=True, text=True, check=False)
-            if found.returncode == 0:
-                return found.stdout.split(":")[0]
+    @functools.cached_property
+    def owners(self):
+        """The package of each library and font."""
+        found = {}
+        for listed in pathlib.Path("/var/lib/dpkg/info").glob("*.list"):
+            package = listed.name.removesuffix(".list").split(":")[0]
+            found.update((line, package) for line in listed.read_text().splitlines() if ".so" in line or line.endswith(".ttf"))
+        return found
+
+    def package(self, file):
+        for path in (str(file), str(file).removeprefix("/usr"), f"/usr{file}"):
+            if path in self.owners:
+                return self.owners[path]
         sys.exit(f"bundle.py: {file} is in no package, so that its licence is not known")
 
 
@@ -141,8 +151,9 @@ def bring_libraries(tree, folder):
 
 def bring_fonts(folder, packages):
     folder.mkdir()
+    machine = Machine()
     for file in sorted(FONTS.glob("DejaVu*.ttf")):
-        if Machine.package(file) == "fonts-dejavu-core":
+        if machine.package(file) == "fonts-dejavu-core":
             shutil.copy(file, folder)
     if not list(folder.iterdir()):
         sys.exit("bundle.py: fonts-dejavu-core is not installed")
