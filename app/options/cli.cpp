@@ -150,6 +150,13 @@ Progress progressBar(std::string label) {
     };
 }
 
+namespace {
+
+/// --trust. The program has one command line.
+bool trusts = false;
+
+}  // namespace
+
 void ResourceArguments::addTo(Command& command) {
     const Command::Section section(command, "Files and addresses");
     command.addOption("--base", base,
@@ -179,7 +186,7 @@ void ResourceArguments::addTo(Command& command) {
             "memory: bytes of the whole process")
         ->repeatable();
     command.addFlag(
-        "--trust", trust,
+        "--trust", trusts,
         "pictures, sounds, fonts and meshes are decoded in this process, and not in one that can do nothing else");
     addExtensions(command);
 }
@@ -289,7 +296,7 @@ ResourcePolicy ResourceArguments::policy(const std::string& document) const {
                     ": expected memory=N, bytes=N, nodes=N, depth=N, pixels=N, samples=N, instances=N or seconds=N");
     }
     setMemoryLimit(memory);
-    if (!trust) openSandbox();
+    if (!trusts) openSandbox();
     return policy;
 }
 

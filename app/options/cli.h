@@ -99,7 +99,6 @@ struct ResourceArguments {
     std::string base;
     std::vector<std::string> allow, packages, limits, networks;
     std::string certificates, cache;
-    bool trust = false;
     /// Whether files from the network are fetched without waiting: see FetchSettings.
     bool inBackground = false;
     /// Whether such files come from the cache alone.

@@ -9,6 +9,7 @@
 
 #include <linux/audit.h>
 #include <linux/filter.h>
+#include <linux/futex.h>
 #include <linux/seccomp.h>
 #include <sys/mman.h>
 #include <sys/prctl.h>
@@ -58,6 +59,12 @@ std::vector<sock_filter> callFilter() {
         end(filter, SECCOMP_RET_ALLOW);
         end(filter, kRefused);
     }
+    // pthread_once(), which exceptions begin with, wakes others though there are none, and ends the process if it may
+    // not.
+    filter.push_back(BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_futex, 0, 3));
+    load(filter, offsetof(seccomp_data, args) + sizeof(std::uint64_t));
+    filter.push_back(BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, FUTEX_WAKE_PRIVATE, 0, 1));
+    end(filter, SECCOMP_RET_ALLOW);
     end(filter, kRefused);
     return filter;
 }

@@ -122,7 +122,7 @@ std::string say(const SandboxTask& task, std::string_view head, const SandboxLim
 
 TEST(Sandbox, GivesBytesBackOfAnySize) {
     for (const std::size_t size : {std::size_t{0}, std::size_t{1}, std::size_t{4096}, std::size_t{5'000'000},
-                                   std::size_t{40'000'000}, std::size_t{100}}) {
+                                   std::size_t{20'000'000}, std::size_t{100}}) {
         const std::vector<std::uint8_t> bytes(size, 7);
         const auto result = runSandboxed(kTask, "bytes", bytes);
         ASSERT_TRUE(result) << size << result.error().text;
