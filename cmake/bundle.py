@@ -26,8 +26,8 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "python"))
 import wheel_backend  # noqa: E402
 
-# Names of libraries, up to ".so", that are the machine's own.
-SYSTEM = re.compile(r"^(ld-linux[\w-]*|linux-vdso|lib(c|m|dl|rt|pthread|resolv|util|stdc\+\+|gcc_s|GL|EGL|GLX|GLdispatch|OpenGL|GLESv2|drm|gbm|asound"
+# Names of libraries, up to ".so", that are the machine's own. Of GL only what GLU is linked with is copied, which draws nothing.
+SYSTEM = re.compile(r"^(ld-linux[\w-]*|linux-vdso|lib(c|m|dl|rt|pthread|resolv|util|stdc\+\+|gcc_s|GL|EGL|GLX|GLESv2|drm|gbm|asound"
                     r"|X11|X11-xcb|xcb|wayland-client|wayland-server|wayland-egl))\.so")
 # Packages whose modules bring far more than all others together, or need a display's libraries at their own place.
 LEFT_OUT = {"rtsg-images": "TIFF, GIF, HDR and KTX2 files", "rtsg-films": "films and packed sounds", "rtsg-sofa": "responses as SOFA files",
@@ -145,7 +145,12 @@ def bring_libraries(tree, folder):
         own = os.path.relpath(folder, file.parent)
         kept = [item for item in folders if item.startswith("$ORIGIN")]
         kept += [item for item in ("$ORIGIN", "$ORIGIN/" + own) if item not in kept and item != "$ORIGIN/."]
-        subprocess.run(["patchelf", *renamed, "--set-rpath", ":".join(kept), file], check=True)
+        # One after the other: with both at once, patchelf 0.14 writes one over the other.
+        if renamed:
+            subprocess.run(["patchelf", *renamed, file], check=True)
+        subprocess.run(["patchelf", "--set-rpath", ":".join(kept), file], check=True)
+        if dynamic(file)[1] != kept:
+            sys.exit(f"bundle.py: patchelf has given {file.name} the search path {dynamic(file)[1]} in place of {kept}")
     return packages
 
 
