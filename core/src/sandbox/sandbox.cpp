@@ -252,10 +252,12 @@ Result<Worker> SandboxPool::lend(const SandboxTask& task, const SandboxLimits& l
     {
         const std::scoped_lock lock(mutex_);
         leaveThatOfParent();
-        const auto found = std::ranges::find(idle_, &task, &Worker::task);
-        if (found != idle_.end()) {
+        // The one that waits for the shortest time, whose memory is at hand.
+        const auto found =
+            std::find_if(idle_.rbegin(), idle_.rend(), [&](const Worker& one) { return one.task == &task; });
+        if (found != idle_.rend()) {
             Worker worker = std::move(*found);
-            idle_.erase(found);
+            idle_.erase(std::next(found).base());
             return worker;
         }
     }
