@@ -222,4 +222,4 @@ def run(module):
 
 
 __all__ = ["LONG", "ROOT", "Skipped", "User", "check", "equal", "is_whole_png", "only", "only_long", "pictures", "run", "signal", "small_disk", "time",
-           "wav_samples"]
+           "wav_samples", "without_notes"]

@@ -139,7 +139,7 @@ std::string fileOf(const Scene& scene, const Resources& resources, const FileWis
 }  // namespace
 
 Result<> WebGatewayOptions::check() const {
-    if (const auto endpoint = endpointFrom(listen); !endpoint) return std::unexpected(endpoint.error());
+    if (const auto at = endpointFrom(listen); !at) return std::unexpected(at.error());
     if (!isToken(token))
         return fail(fmt::format("a token is made of {} letters, digits, '-' and '_' or more", kShortestToken));
     if (certificate.empty() != privateKey.empty())

@@ -556,7 +556,9 @@ TEST(LanguageServer, AnyTextMayBeAskedAbout) {
                 ASSERT_LE(one.all.end, text.size());
             }
             if (const auto ranges = editor::renamed(text, offset, "Other")) {
-                for (const editor::TextRange& one : *ranges) ASSERT_LE(one.end, text.size());
+                for (const editor::TextRange& one : *ranges) {
+                    ASSERT_LE(one.end, text.size());
+                }
             }
             std::string bare, same;
             std::size_t at = 0;

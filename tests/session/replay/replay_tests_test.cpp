@@ -104,7 +104,9 @@ TEST_F(ReplayTestsTest, CannotRunWithoutTheScene) {
 TEST_F(ReplayTestsTest, CountFromTheLogsStart) {
     EXPECT_DOUBLE_EQ(logStart(log), SceneStart().time);
     EXPECT_EQ(logStart(folder / "none.rlog"), 0);
-    const auto later = fromStart(Divergence{.time = 12.5}, 10);
+    Divergence divergence;
+    divergence.time = 12.5;
+    const auto later = fromStart(divergence, 10);
     EXPECT_DOUBLE_EQ(later->time, 2.5);
 }
 

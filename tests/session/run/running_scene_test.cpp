@@ -21,9 +21,12 @@ class RunningSceneTest : public testing::Test {
   protected:
     void write(const std::string& text) const { std::ofstream(file) << text; }
     RunningScene& run(bool follows = false) {
-        running =
-            std::make_unique<RunningScene>(file, Resources::ofFile(file), SceneStart{.time = 100}, notices.context());
-        if (follows) EXPECT_TRUE(running->followEdits());
+        SceneStart start;
+        start.time = 100;
+        running = std::make_unique<RunningScene>(file, Resources::ofFile(file), start, notices.context());
+        if (follows) {
+            EXPECT_TRUE(running->followEdits());
+        }
         return *running;
     }
     Vec3f translation() const {

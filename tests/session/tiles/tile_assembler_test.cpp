@@ -55,7 +55,9 @@ TEST(TileAssembler, JoinsWhatTwoMirrorsDraw) {
         ASSERT_TRUE(
             scene.set(transform, x3d::Transform::translation, Vec3f(.1f * static_cast<float>(frames % 10), 0, 0)));
         const auto set = scene.newFrame(1 + .1 * frames);
-        for (const auto& mirror : mirrors) mirror->step(scene, RecordStep{.set = set});
+        RecordStep step;
+        step.set = set;
+        for (const auto& mirror : mirrors) mirror->step(scene, step);
         if (!joined) alone.emplace(scene.sequence(), pictureOf(scene, options, Resources()));
         if (auto whole = assembler.poll(std::chrono::milliseconds(100)); whole && !joined)
             joined = std::move(whole);
