@@ -138,15 +138,15 @@ void define(SceneHandle& handle, const py::str& given, const py::dict& fields, c
     type->acts = !onTimeFunction.is_none() ? Acts::always : onEventFunction.is_none() ? Acts::never : Acts::onInput;
     for (const auto& [field, parts] : fields) type->fields.push_back(fieldFrom(nameFrom(field, name), parts, handle));
     if (!type->finish()) throw py::value_error(name + ": two fields have one name, or there are too many");
-    const TypeIndex index = take(scene.defineType(std::move(type)));
     auto own = std::make_unique<OwnBehaviour>();
     own->handle = &handle;
     Behaviour behaviour;
+    // What is no function throws here, before the type is there.
     if (!onTimeFunction.is_none()) own->onTime = onTimeFunction, behaviour.onTime = onTime;
     if (!onEventFunction.is_none()) own->onEvent = onEventFunction, behaviour.onEvent = onEvent;
     behaviour.deterministic = deterministic;
     behaviour.context = own.get();
-    scene.registerBehaviour(index, behaviour);
+    scene.registerBehaviour(take(scene.defineType(std::move(type))), behaviour);
     handle.keep(std::move(own));
 }
 

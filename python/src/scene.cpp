@@ -372,7 +372,7 @@ void addReading(SceneClass& scene) {
         .def("__repr__", describe)
         .def(
             "__iter__", [](const py::object& self) { return py::iter(nodes(self, "")); },
-            "Over all nodes that there are now, in the order of their numbers.");
+            "Over all nodes that there are now but the root, in the order of their numbers.");
 }
 
 void addEditing(SceneClass& scene) {
