@@ -22,7 +22,8 @@ ELSEWHERE = set("""WebM PascalCase camelCase snake_case delaySamples levelDb col
     sfint32Value SENSOR alsoftrc concat LINEAR_WHEN_PHYSICAL_MATERIAL inView Nd MyRenderer MySubject KEY npx INDEX CHILD _more set_name
     name_changed W3C SimpleFreeFieldHRIR F8FF T12 cornerStep WebP uomField OpenEXR MurmurHash3 registerFieldInterest registerBrowserInterest
     FourCC BC6H OpenGL BigTIFF QuickTime DRTSG_SCRIPTS DRTSG_IMAGES DRTSG_MOVIES DRTSG_WEB DRTSG_DRACO DRTSG_MESHOPT DRTSG_DELAY_LOAD ae
-    OpenInventor H3D SmoothSurface FrictionalSurface TMPDIR SSL_CERT_FILE --dependency --wrap RTSG_0""".split())
+    OpenInventor H3D SmoothSurface FrictionalSurface TMPDIR SSL_CERT_FILE --dependency --wrap RTSG_0 pthread_once
+    --install-extension buf document_symbol code_action --max-age creds""".split())
 
 
 def texts():

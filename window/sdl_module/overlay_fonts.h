@@ -2,7 +2,7 @@
 //
 // The first font has Latin, Greek, Cyrillic and Hebrew. For other letters fontconfig names fonts, which are added when
 // a text first needs them. Letters are not joined, so Arabic stands in its single forms. Threading: one thread, and
-// addLetters() between ImGui's frames. Source: Unicode Standard Annex 9, without embeddings, with lines that run to the
+// make() between ImGui's frames. Source: Unicode Standard Annex 9, without embeddings, with lines that run to the
 // right.
 #pragma once
 
