@@ -539,7 +539,8 @@ TEST(HapticRenderer, AThreadTicksWhileTheSceneRuns) {
     EXPECT_EQ(report.failure, "");
     EXPECT_GT(report.ticks, 20u);
     EXPECT_GE(report.contacts, 1u);
-    EXPECT_NEAR(report.largestForce, 500 * .003, .05);
+    EXPECT_GE(report.largestForce, 500 * .003 - .05);  // the spring's, and while the hand comes its damper's
+    EXPECT_LE(report.largestForce, 500 * .003 + .15);
 }
 
 }  // namespace
