@@ -64,8 +64,8 @@ def neovim(program):
         subprocess.run(["nvim", "--headless", "--clean", "--cmd", f'let g:rtsg_program = "{program}"', "--cmd", f"luafile {EDITORS / 'neovim/x3d.lua'}",
                         str(scene), "-c", f"luafile {steps}"], check=True, timeout=120)
         result = json.loads((folder / "result").read_text(encoding="utf-8"))
-    assert len(result["faults"]) == 1 and "did you mean translation?" in result["faults"][0], result
-    assert result["left"] == 0 and result["symbols"] == 3, result
+    assert len(result["faults"]) == 2 and "PROFILE" in result["faults"][0] and "did you mean translation?" in result["faults"][1], result
+    assert result["left"] == 1 and result["symbols"] == 3, result
     assert result["lines"] == ["#X3D V4.0 utf8", "DEF Lamp PointLight { }", "Transform { translation 1 2 3 }", "Group {", "  children USE Lamp", "}"], result
     return True
 

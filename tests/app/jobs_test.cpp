@@ -291,7 +291,7 @@ TEST_F(Tiles, OfOnePictureHaveItsBits) {
 
 TEST_F(Tiles, OfTwoSessionsOrWithOtherOptionsAreAMixture) {
     const std::string other = folder / "other.rlog";
-    ASSERT_EQ(rtsg({"record", file, "-o", other, "--for", "1s", "--fps", "24"}).status, 0);
+    ASSERT_EQ(rtsg({"record", file, "-o", other, "--for", "1.5s", "--fps", "24"}).status, 0);
     const auto tile = [&](const std::string& from, const std::vector<std::string>& more) {
         std::vector<std::string> arguments{"replay", from,    "--render", folder / "job%03d.png",
                                            "--size", "48x27", "--frames", "0-0"};
@@ -339,7 +339,7 @@ TEST_F(Tiles, OfTwoStatesAreAMixture) {
 
 TEST_F(Jobs, PicturesAndSoundOfTwoSessionsAreAMixture) {
     const std::string other = folder / "other.rlog", names = folder / "job%03d.png", sounds = folder / "job%03d.wav";
-    ASSERT_EQ(rtsg({"record", file, "-o", other, "--for", "1s", "--fps", "24"}).status, 0);
+    ASSERT_EQ(rtsg({"record", file, "-o", other, "--for", "1.5s", "--fps", "24"}).status, 0);
     const auto make = [&](const std::string& from, const char* range, const std::vector<std::string>& more) {
         std::vector<std::string> arguments{"replay", from, "--fps", "10", "--frames", range, "--rays", "20"};
         arguments.insert(arguments.end(), more.begin(), more.end());

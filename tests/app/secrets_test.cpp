@@ -72,9 +72,9 @@ class Secrets : public Mirror {
         return all + begun.dump();
     }
     void followByNats(const std::string& address) {
-        Program server({"serve", file, "--nats", address, "--json", "--for", "60s", "--metrics-port", "0", "--record",
-                        folder / "session.rlog"},
-                       streams());
+        Program server(
+            {"serve", file, "--nats", address, "--json", "--metrics-port", "0", "--record", folder / "session.rlog"},
+            streams());
         const json begun = json::parse(server.firstLine());
         const Outcome mirror = rtsg({"mirror", address, "--for", "1s", "--json"});
         EXPECT_EQ(mirror.status, 0) << mirror.err;
@@ -88,9 +88,9 @@ class Secrets : public Mirror {
     }
     /// A line of one program reaches another by the broker.
     void passByMqtt(const std::string& endpoint) {
-        Program reader({"serve", file, "--bind", "tcp://127.0.0.1:*", "--json", "--feed", endpoint, "--metrics-port",
-                        "0", "--for", "60s"},
-                       streams());
+        Program reader(
+            {"serve", file, "--bind", "tcp://127.0.0.1:*", "--json", "--feed", endpoint, "--metrics-port", "0"},
+            streams());
         const json begun = json::parse(reader.firstLine());
         const Outcome writer = rtsg(
             {"run", file, "--for", "1s", "--realtime", "--publish", endpoint, "--fields", "BOX.translation", "--json"});
@@ -157,7 +157,8 @@ TEST_F(Secrets, AnMqttAccountComesByTheEnvironment) {
     const std::string command = "mosquitto_passwd -c -b " + passwords + " anna " + kSecret + " > /dev/null 2>&1";
     if (std::system(command.c_str()) != 0) GTEST_SKIP() << "mosquitto_passwd is not installed";
     const Mosquitto broker("allow_anonymous false\npassword_file " + passwords + "\n");
-    const Outcome without = rtsg({"run", file, "--for", "1s", "--feed", broker.endpoint("scene")});
+    const Outcome without =
+        rtsg({"serve", file, "--bind", "tcp://127.0.0.1:*", "--for", "1s", "--feed", broker.endpoint("scene")});
     EXPECT_EQ(without.status, 1);
     EXPECT_THAT(without.err, HasSubstr("the broker refuses"));
     const Environment account{{"MQTT_USER", "anna"}, {"MQTT_PASSWORD", kSecret}};
@@ -172,7 +173,7 @@ TEST_F(Secrets, MqttIsEncryptedWithCertificatesOfBothSides) {
                            "\nkeyfile " + at("server.key") + "\nrequire_certificate true\n");
     std::string endpoint = broker.endpoint("scene");
     endpoint.replace(0, 4, "mqtts");
-    const Outcome strange = rtsg({"run", file, "--for", "1s", "--feed", endpoint});
+    const Outcome strange = rtsg({"serve", file, "--bind", "tcp://127.0.0.1:*", "--for", "1s", "--feed", endpoint});
     EXPECT_EQ(strange.status, 1) << "the authority is nobody's whom this machine trusts";
     const Environment files{{"MQTT_CA", at("ca.pem")}, {"MQTT_CERT", at("client.pem")}, {"MQTT_KEY", at("client.key")}};
     passByMqtt(endpoint);

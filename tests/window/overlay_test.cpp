@@ -171,11 +171,11 @@ TEST(Overlays, TheBarOffersWhatOneNeedsFirst) {
 TEST(Overlays, MenusOpenBelowTheBarAndClose) {
     Shown shown(everybodys());
     std::vector<OverlayAction> chosen;
-    for (int x = 2; x < kAcross; x += 9) {
-        (void)shown.click(x, 14);
-        for (int y = 60; y < 220; y += 5)
+    for (int x = 2; x < kAcross; x += 18)
+        for (int y = 60; y < 220; y += 9) {  // a click opens the menu that is there, and the next one closes it
+            (void)shown.click(x, 14);
             for (const OverlayAction& action : shown.click(x + 4, y)) chosen.push_back(action);
-    }
+        }
     EXPECT_TRUE(has(chosen, Kind::viewpoint, 12));
     const auto named = [&](Kind kind, const char* name) {
         return std::ranges::any_of(chosen, [&](const auto& a) { return a.kind == kind && a.name == name; });
@@ -241,8 +241,8 @@ TEST(Overlays, RightToLeftLettersStandFromTheRight) {
     hebrew.viewpoints[0].name = "שלום", unknown.viewpoints[0].name = "????";
     EXPECT_FALSE(Shown(hebrew).screen.pixels == Shown(unknown).screen.pixels);
     // Letters for which there is perhaps no font are drawn all the same.
-    hebrew.viewpoints[0].name = "正面から";
-    EXPECT_TRUE(Shown(hebrew).screen.isTouched(40, 60));
+    hebrew.viewpoints[0].name = "正面から", unknown.viewpoints[0].name = "";
+    EXPECT_FALSE(Shown(hebrew).screen.pixels == Shown(unknown).screen.pixels);
 }
 
 TEST(Overlays, OnAFineDisplayAllIsLarger) {

@@ -58,8 +58,8 @@ struct OrderAnswer {
 /// Where the library of a function begins; null: nowhere.
 const void* libraryOf(const void* function);
 
-/// The zygote, until the other end of its socket is gone. `parent`: the process that it ends with.
-[[noreturn]] void runZygote(int socket, pid_t parent);
+/// The zygote, until the other end of its socket is gone.
+[[noreturn]] void runZygote(int socket);
 /// The worker, likewise.
 [[noreturn]] void runWorker(int socket, int memory, const Order& order);
 

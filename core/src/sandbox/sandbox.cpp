@@ -187,11 +187,10 @@ Result<> SandboxPool::startZygote() {
     if (::socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends) != 0)
         return fail(std::string("no sockets for the sandbox: ") + std::strerror(errno));
     Descriptor here(ends[0]), there(ends[1]);
-    const pid_t parent = ::getpid();
     const pid_t child = ::fork();
     if (child < 0) return fail(std::string("no process for the sandbox: ") + std::strerror(errno));
-    if (child == 0) sandbox::runZygote(ends[1], parent);
-    // One before may have ended with the thread that started it, or for want of memory.
+    if (child == 0) sandbox::runZygote(ends[1]);
+    // One before may have ended for want of memory.
     if (zygote_ > 0) ::waitpid(zygote_, nullptr, WNOHANG);
     zygote_ = child;
     socket_ = std::move(here);

@@ -85,9 +85,9 @@ OrderAnswer carryOut(const Order& order, const int (&descriptors)[2]) {
 
 }  // namespace
 
-void runZygote(int socket, pid_t parent) {
-    ::prctl(PR_SET_PDEATHSIG, SIGKILL);
-    if (::getppid() != parent) ::_exit(1);
+// It ends when the last end of its socket is closed, so with its parent. PR_SET_PDEATHSIG would end it with the thread
+// that started it.
+void runZygote(int socket) {
     keepOnly(socket);
     setSignals();
     Order order;

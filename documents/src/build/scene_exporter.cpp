@@ -390,7 +390,7 @@ void SceneExporter::State::findEnds(NodeId id, FieldIndex field, bool from,
             const FieldDef& def = known->type().fields[at];
             const bool passes =
                 (node == id || (from ? def.sends() : def.writable())) && (!isExpanded(*known) || groupHas(def));
-            const bool isLoad = known->type().kind == NodeType::Kind::builtin && def.name == "load";
+            const bool isLoad = known->is(x3d::InlineGeometry::type) && def.name == "load";
             if (!passes && node == id && isExpanded(*known) && !isLoad)  // what is in the document is there already
                 diagnostics.warning(
                     {}, fmt::format("a route of {}'s {} is left out: a Group has none", nameOf(node), def.name));
