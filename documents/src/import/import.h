@@ -18,7 +18,21 @@
 
 namespace rtsg::detail {
 
-enum class FileKind : std::uint8_t { document, stl, obj, ply, gltf, glb, urdf, sdf, collada, fbx, threeDs, off, notRead };
+enum class FileKind : std::uint8_t {
+    document,
+    stl,
+    obj,
+    ply,
+    gltf,
+    glb,
+    urdf,
+    sdf,
+    collada,
+    fbx,
+    threeDs,
+    off,
+    notRead
+};
 
 /// By the first bytes of a file; `size` is that of all of it, 0 if that is not known.
 FileKind fileKind(std::string_view head, std::uint64_t size);

@@ -54,7 +54,8 @@ TEST(AnAvatarsSweep, EndsWhereTheRadiusIsReached) {
         }
         ++met;
         EXPECT_LT(contact->distance, first + .03) << i;
-        EXPECT_GT(sampled(path.eye + path.direction * contact->distance, triangle, walks), kGrown.radius - 1e-3) << i;  // of 314 one is .3 mm too near
+        EXPECT_GT(sampled(path.eye + path.direction * contact->distance, triangle, walks), kGrown.radius - 1e-3)
+            << i;  // of 314 one is .3 mm too near
         EXPECT_NEAR(glm::length(contact->normal), 1, 1e-9);
         EXPECT_LT(glm::dot(contact->normal, path.direction), 0);
     }

@@ -59,8 +59,7 @@ TEST(TileAssembler, JoinsWhatTwoMirrorsDraw) {
         step.set = set;
         for (const auto& mirror : mirrors) mirror->step(scene, step);
         if (!joined) alone.emplace(scene.sequence(), pictureOf(scene, options, Resources()));
-        if (auto whole = assembler.poll(std::chrono::milliseconds(100)); whole && !joined)
-            joined = std::move(whole);
+        if (auto whole = assembler.poll(std::chrono::milliseconds(100)); whole && !joined) joined = std::move(whole);
     }
     ASSERT_TRUE(joined) << frames << " frames; " << notices.said();
     EXPECT_EQ(assembler.counts().maxMirrors, 2u);

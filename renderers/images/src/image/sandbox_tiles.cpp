@@ -84,7 +84,8 @@ void serveTiles(SandboxJob& job) {
         return job.answer({});
     }
     const TiledPicture::Level& level = picture.levels.at(static_cast<std::size_t>(wanted.level));
-    const int width = std::min(kTileBlock, level.width - wanted.x), height = std::min(kTileBlock, level.height - wanted.y);
+    const int width = std::min(kTileBlock, level.width - wanted.x),
+              height = std::min(kTileBlock, level.height - wanted.y);
     std::vector<float> pixels(static_cast<std::size_t>(width * height * picture.channels));
     const bool isRead = picture.read(wanted.level, wanted.x, wanted.y, width, height, pixels.data());
     const std::size_t size = pixels.size() * sizeof(float);
@@ -204,7 +205,8 @@ class SandboxedTiles final : public TiledPicture {
                 for (int row = std::max(y, by * kTileBlock); row < std::min(y + height, (by + 1) * kTileBlock); ++row) {
                     float* const to = pixels + static_cast<std::size_t>((row - y) * width + left - x) * each;
                     const std::size_t count = static_cast<std::size_t>(right - left) * each;
-                    const auto from = static_cast<std::size_t>((row - by * kTileBlock) * block->width + left - bx * kTileBlock);
+                    const auto from =
+                        static_cast<std::size_t>((row - by * kTileBlock) * block->width + left - bx * kTileBlock);
                     if (block->pixels.empty())
                         std::fill_n(to, count, 0.0f);
                     else
