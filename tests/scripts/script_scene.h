@@ -27,7 +27,7 @@ struct ScriptScene {
     double time = 0;
 
     explicit ScriptScene(const std::string& fields, const std::string& program, const std::string& others = {},
-                         ScriptOptions options = {}) {
+                         ScriptOptions options = limits(true, 60)) {  // a sanitizer makes all slower
         options.print = [this](std::string_view text) { printed += text; };
         runScripts(scene, std::move(options));
         const std::string text = "#X3D V4.0 utf8\nPROFILE Full\n" + others + "\nDEF S Script { " + fields +

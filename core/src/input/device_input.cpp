@@ -9,6 +9,7 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/navigation.h>
 #include <rtsg/core/portable_math.h>
 #include <rtsg/core/x3d.h>
 
