@@ -347,6 +347,40 @@ TEST(ScriptBrowser, NodesDescribeThemselves) {
         "<Transform DEF='T' translation='1 2 3'>\n      <PointLight DEF='L'/>\n    </Transform>\n");
 }
 
+TEST(ScriptBrowser, NodesDocumentsAndValuesAreTextInEachEncoding) {
+    const std::string text = printed(
+        "const T = Browser.currentScene.getNamedNode('T'); const again = JSON.parse(T.toJSONString());"
+        " print(again.Transform['@DEF'], again.Transform['@translation'].join(' '),"
+        " again.Transform['-children'][0].PointLight['@DEF']);"
+        " const all = JSON.parse(Browser.currentScene.toJSONString()); print(Object.keys(all), "
+        "all.X3D.Scene['-children'].length);"
+        " print(Browser.currentScene.toVRMLString().startsWith('#X3D V'), "
+        "Browser.currentScene.toXMLString().includes('<X3D '));"
+        " print(T.translation.toXMLString(), T.translation.toVRMLString(), T.translation.toJSONString());"
+        " const list = new MFVec3f(new SFVec3f(1, 2, 3), new SFVec3f(4, 5, 6));"
+        " print(list.toXMLString(), list.toVRMLString(), list.toJSONString());"
+        " print(new MFString('a', 'b<').toXMLString(), new MFString('a').toJSONString());",
+        "DEF T Transform { translation 1 2 3 children DEF L PointLight { } }");
+    EXPECT_EQ(text,
+              "T 1 2 3 L\nX3D 2\ntrue true\n1 2 3 1 2 3 [1,2,3]\n1 2 3, 4 5 6 [1 2 3, 4 5 6] [1,2,3, 4,5,6]\n"
+              "\"a\", \"b&lt;\" [\"a\"]\n");
+}
+
+TEST(ScriptBrowser, ValuesSayWhetherTheyAreEqual) {
+    EXPECT_EQ(
+        printed(
+            "const T = Browser.currentScene.getNamedNode('T');"
+            " print(new SFVec3f(1, 2, 3).equals(new SFVec3f(1, 2, 3)), new SFVec3f(1, 2, 3).equals(new SFVec3f(1, 2, "
+            "4)),"
+            " new SFVec3f(1, 2, 3).equals(7), new SFVec3f(1, 2, 0).equals(new SFVec2f(1, 2)));"
+            " print(new SFImage(1, 1, 1, [7]).equals(new SFImage(1, 1, 1, [7])), new SFImage(1, 1, 1, [7]).equals(new "
+            "SFImage()));"
+            " print(new MFFloat(1, 2).equals(new MFFloat(1, 2)), new MFVec2f(new SFVec2f(1, 2)).equals(new MFVec2f()));"
+            " print(T.equals(T), T.equals(T.children[0]), T.translation.equals(new SFVec3f(1, 2, 3)));",
+            "DEF T Transform { translation 1 2 3 children DEF L PointLight { } }"),
+        "true false false false\ntrue false\ntrue false\ntrue false true\n");
+}
+
 TEST(ScriptBrowser, DisposingTakesANodeOut) {
     ScriptScene s("directOutput TRUE", "function initialize() { Browser.currentScene.getNamedNode('L').dispose(); }",
                   "DEF G Group { children DEF L PointLight { } }");

@@ -32,7 +32,7 @@ Result<> DocumentServices::serve(Scene&, const DocumentRequest&, const Resources
     return nobodyReads();
 }
 
-std::string DocumentServices::nodeText(const Scene&, NodeId, bool) const {
+std::string DocumentServices::nodeText(const Scene&, NodeId, TextForm) const {
     return {};
 }
 

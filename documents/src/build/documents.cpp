@@ -37,7 +37,7 @@ class Documents final : public DocumentServices {
     Result<Piece> makePieceOfUrls(Scene& scene, NodeId script, const std::vector<std::string>& urls,
                                   const Resources* resources) const override;
     Result<> serve(Scene& scene, const DocumentRequest& request, const Resources* resources) const override;
-    std::string nodeText(const Scene& scene, NodeId node, bool xml) const override;
+    std::string nodeText(const Scene& scene, NodeId node, TextForm form) const override;
     std::vector<ProfileParts> profiles() const override;
     Result<> declareAs(Scene& scene, TypeIndex type, std::string_view name, const Resources* resources) const override;
     std::string_view nameNow(const NodeType& type, std::string_view before) const override {
@@ -264,16 +264,27 @@ Result<> Documents::serve(Scene& scene, const DocumentRequest& request, const Re
 
 // ---- nodes as text -------------------------------------------------------------------------------------------------
 
-std::string Documents::nodeText(const Scene& scene, NodeId node, bool xml) const {
+std::string Documents::nodeText(const Scene& scene, NodeId node, TextForm form) const {
     std::string text;
     Diagnostics ignored;
-    const Encoding encoding = xml ? Encoding::xml : Encoding::classicVrml;
+    const Encoding encoding = form == TextForm::xml    ? Encoding::xml
+                              : form == TextForm::json ? Encoding::json
+                                                       : Encoding::classicVrml;
     const auto writer = makeWriter(encoding, [&](std::string_view piece) { text += piece; }, ignored);
-    SceneExporter(scene, ignored).writeNode(*writer, node, encoding);
-    // Without the frame of a file: in ClassicVRML a line with its version and one with its profile.
-    std::size_t from = text.find(xml ? "<Scene" : "PROFILE ");
-    if (from != text.npos) from = text.find('\n', from);
-    const std::size_t to = xml ? text.find("</Scene") : text.size();
+    SceneExporter exporter(scene, ignored);
+    if (node == scene.root()) {
+        exporter.write(*writer, encoding);
+        return text;
+    }
+    exporter.writeNode(*writer, node, encoding);
+    // Without the frame of a file: in ClassicVRML a line with its version and one with its profile, in JSON two objects
+    // around the list of nodes.
+    const std::string_view start = form == TextForm::xml ? "<Scene" : form == TextForm::json ? "-children" : "PROFILE ";
+    std::size_t from = text.find(start);
+    if (from != text.npos) from = text.find(form == TextForm::json ? '[' : '\n', from) + 1;
+    const std::size_t to = form == TextForm::xml    ? text.find("</Scene")
+                           : form == TextForm::json ? text.rfind(']')
+                                                    : text.size();
     if (from == text.npos || to == text.npos || from >= to) return {};
     const std::string_view inside = std::string_view(text).substr(from, to - from);
     const std::size_t first = inside.find_first_not_of(" \n"), last = inside.find_last_not_of(" \n");

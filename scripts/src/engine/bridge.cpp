@@ -309,6 +309,14 @@ bool roots(JSContext* cx, unsigned count, JS::Value* vp) {
     return toScript(cx, FieldType::MFNode, &root.get(x3d::RtsgScene::children), args.rval());
 }
 
+/// isInWorld(script): whether the world's own document has it, rather than an Inline or a PROTO.
+bool isInWorld(JSContext* cx, unsigned count, JS::Value* vp) {
+    const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
+    const Node* node = currentCall(cx).scene.find(nodeArgument(args, 0));
+    args.rval().setBoolean(node && !node->scope());
+    return true;
+}
+
 /// isInPrototype(script)
 bool isInPrototype(JSContext* cx, unsigned count, JS::Value* vp) {
     const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
@@ -404,6 +412,7 @@ JSObject* newBridge(JSContext* cx) {
         JS_FN("named", named, 2, 0),
         JS_FN("roots", roots, 1, 0),
         JS_FN("isInPrototype", isInPrototype, 1, 0),
+        JS_FN("isInWorld", isInWorld, 1, 0),
         JS_FN("createNode", createNode, 2, 0),
         JS_FN("addRoute", changeRoute<true>, 5, 0),
         JS_FN("deleteRoute", changeRoute<false>, 5, 0),

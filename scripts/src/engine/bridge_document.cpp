@@ -327,13 +327,14 @@ bool components(JSContext* cx, unsigned count, JS::Value* vp) {
     return answerParts(cx, JS::CallArgsFromVp(count, vp), parts);
 }
 
-/// nodeText(node, whether as XML)
+/// nodeText(node, form): 0: ClassicVRML, 1: XML, 2: JSON. Node 0: the whole document.
 bool nodeText(JSContext* cx, unsigned count, JS::Value* vp) {
     const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
     const Scene& scene = currentCall(cx).scene;
-    const NodeId id = nodeArgument(args, 0);
-    return answer(cx, args,
-                  scene.find(id) ? scene.documents().nodeText(scene, id, args.get(1).isTrue()) : std::string());
+    const NodeId given = nodeArgument(args, 0), id = given ? given : scene.root();
+    const auto form =
+        static_cast<DocumentServices::TextForm>(std::clamp(args.get(1).isInt32() ? args.get(1).toInt32() : 0, 0, 2));
+    return answer(cx, args, scene.find(id) ? scene.documents().nodeText(scene, id, form) : std::string());
 }
 
 /// profiles(): [names, how many components each has, names of these, levels of these].

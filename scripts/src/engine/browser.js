@@ -210,7 +210,12 @@
                 setInfo("meta", [...info(kMeta, 2).filter(one => one[0] !== String(name)), [String(name), String(content)]]);
             },
         };
-        const currentScene = isInPrototype ? made("X3DExecutionContext", common, ofContext) : made("X3DScene", common, ofContext, ofScene);
+        // The world's own document alone: what an Inline or a PROTO is in is not its to read.
+        const ofWorld = native.isInWorld(self) ? {
+            toVRMLString: flushed(() => native.nodeText(0, 0)), toXMLString: flushed(() => native.nodeText(0, 1)),
+            toJSONString: flushed(() => native.nodeText(0, 2)),
+        } : {};
+        const currentScene = isInPrototype ? made("X3DExecutionContext", common, ofContext) : made("X3DScene", common, ofContext, ofScene, ofWorld);
 
         // Nodes that hang nowhere yet. What is added is kept in the piece until it is put somewhere.
         const pieces = new WeakMap();
@@ -308,9 +313,9 @@
             const [names, types, accesses] = native.fieldsOf(id);
             return listOf("FieldDefinitionArray", ownArray(names.map((name, i) => made("X3DFieldDefinition", {name, dataType: types[i], accessType: accesses[i]}))));
         },
-        toXMLString: id => native.nodeText(id, true),
-        toVRMLString: id => native.nodeText(id, false),
-        toX3DString: id => native.nodeText(id, false),
+        toVRMLString: id => native.nodeText(id, 0), toX3DString: id => native.nodeText(id, 0),
+        toXMLString: id => native.nodeText(id, 1),
+        toJSONString: id => native.nodeText(id, 2),
     };
     return {constants, kinds, makeBrowser, nodeMethods};
 })

@@ -27,10 +27,17 @@
     class Tuple {
         map(f) { return new this.constructor(...this.components().map(f)); }
         zip(other, f) { const o = other.components(); return this.map((c, i) => f(c, o[i])); }
-        equals(other) { const o = other.components(); return this.components().every((c, i) => c === o[i]); }
+        equals(other) {
+            if (!(other instanceof Tuple)) return false;
+            const o = other.components(), own = this.components();
+            return o.length === own.length && own.every((c, i) => c === o[i]);
+        }
         copy() { return this.map(c => c); }
         lerp(to, t) { return this.zip(to, (a, b) => a + (b - a) * t); }
         toString() { return this.components().join(" "); }
+        toVRMLString() { return this.toString(); }
+        toXMLString() { return this.toString(); }
+        toJSONString() { return JSON.stringify(this.components()); }
         toJSON() { return this.constructor.keys ? Object.fromEntries(this.constructor.keys.map(key => [key, this[key]])) : this.components(); }
         get [Symbol.toStringTag]() { return this.constructor.name; }
     }
@@ -400,6 +407,10 @@
         get array() { return this[kArray]; }
         set array(given) { this[kArray] = new names.MFInt32(...Array.from(given)); }
         toString() { return [this.width, this.height, this.comp, ...this.array].join(" "); }
+        toVRMLString() { return this.toString(); }
+        toXMLString() { return this.toString(); }
+        toJSONString() { return JSON.stringify([this.width, this.height, this.comp, ...this.array]); }
+        equals(other) { return other instanceof SFImage_ && this.toString() === other.toString(); }
         toJSON() { return {width: this.width, height: this.height, comp: this.comp, array: Array.from(this.array)}; }
     }
     ["width", "height", "comp"].forEach((name, i) => {
@@ -409,6 +420,7 @@
     });
     publishClass("SFImage", SFImage_);
 
+    const escaped = text => text.replace(/[&<>']/g, one => ({"&": "&amp;", "<": "&lt;", ">": "&gt;", "'": "&apos;"})[one]);
     class MF extends Array {
         constructor(...elements) {
             super();
@@ -418,6 +430,19 @@
         }
         static get [Symbol.species]() { return Array; }
         toString() { return "[" + this.join(", ") + "]"; }
+        toVRMLString() { return this.toString(); }
+        toXMLString() {
+            return Array.from(this, one => typeof one === "string" ? escaped(JSON.stringify(one)) : one?.toXMLString ? one.toXMLString() : String(one)).join(", ");
+        }
+        toJSONString() {
+            return "[" + Array.from(this, one => {
+                const text = one?.toJSONString ? one.toJSONString() : JSON.stringify(one);
+                return one instanceof Tuple || one instanceof SFImage_ ? text.slice(1, -1) : text;
+            }).join(", ") + "]";
+        }
+        equals(other) {
+            return Array.isArray(other) && other.length === this.length && Array.from(this).every((one, i) => one?.equals ? one.equals(other[i]) : one === other[i]);
+        }
     }
     // An element that was never given, before one that was assigned far beyond the end, is what the type has by default.
     // Only what neither an element nor a method answers comes here.
@@ -666,6 +691,7 @@
     const methods = {
         getTypeName: id => native.typeName(id), getNodeTypeName: id => native.typeName(id), getNodeName: id => native.nodeName(id),
         getName: id => native.nodeName(id), toString: id => `${native.typeName(id)} { }`, valueOf: id => id,
+        equals: (id, other) => isObject(other) && ids.get(other) === id,
         dispose(id) { const flaw = native.dispose(id); if (typeof flaw === "string") fail("Error", flaw); },
     };
     for (const [name, method] of Object.entries(library.nodeMethods)) methods[name] = id => method(id, {ownArray});
@@ -803,7 +829,7 @@
                 const field = fieldOf(target.id, name);
                 if (field) return read(target.id, field);
                 if (name === Symbol.toPrimitive) return () => `${native.typeName(target.id)} { }`;
-                return Object.hasOwn(methods, name) ? () => methods[name](target.id) : undefined;
+                return Object.hasOwn(methods, name) ? given => methods[name](target.id, given) : undefined;
             },
             set(target, name, value) {
                 if (!native.exists(target.id)) fail("ReferenceError", "this node has been destroyed");

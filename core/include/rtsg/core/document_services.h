@@ -5,6 +5,7 @@
 // Scene::setDocuments(); this base class answers that nobody reads documents here. Threading: the scene's thread.
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -60,8 +61,10 @@ class DocumentServices {
     /// Serves a request. Errors: as above; no url can be read.
     virtual Result<> serve(Scene& scene, const DocumentRequest& request, const Resources* resources) const;
 
-    /// The node and all nodes below it as ClassicVRML or XML, without a file's header and Scene element.
-    virtual std::string nodeText(const Scene& scene, NodeId node, bool xml) const;
+    enum class TextForm : std::uint8_t { classic, xml, json };
+    /// The node and all nodes below it, without a file's header and Scene element; of the scene's root the whole
+    /// document.
+    virtual std::string nodeText(const Scene& scene, NodeId node, TextForm form) const;
     struct ProfileParts {
         std::string name;
         std::vector<std::pair<std::string, int>> components;  // with their levels
