@@ -185,9 +185,9 @@ void ResourceArguments::addTo(Command& command) {
             "NAME=N sets a limit on documents: bytes of a file, nodes, depth, pixels, samples, instances, seconds; "
             "memory: bytes of the whole process")
         ->repeatable();
-    command.addFlag(
-        "--trust", trusts,
-        "pictures, sounds, fonts and meshes are decoded in this process, and not in one that can do nothing else");
+    command.addFlag("--trust", trusts,
+                    "pictures, films, sounds, fonts and meshes are decoded in this process, and not in one that can do "
+                    "nothing else");
     addExtensions(command);
 }
 

@@ -117,6 +117,31 @@ TEST_F(Decoded, PicturesOfAllKindsAreTheSameInTheSandbox) {
     }
 }
 
+TEST_F(Decoded, FilmsAndTheirSoundAreTheSameInTheSandbox) {
+    writeFile(
+        file,
+        "#X3D V4.0 utf8\nPROFILE Full\nViewpoint { position 0 0 4 }\nDEF T Transform { children Shape { appearance "
+        "Appearance { material UnlitMaterial { emissiveColor 1 .5 0 } } geometry Box { } } }\nDEF K TimeSensor { "
+        "loop TRUE }\nDEF I OrientationInterpolator { key [ 0 1 ] keyValue [ 0 1 0 0 0 1 0 3 ] }\nROUTE "
+        "K.fraction_changed TO I.set_fraction\nROUTE I.value_changed TO T.rotation\n"
+        "AudioDestination { gain .5 children OscillatorSource { } }\n");
+    const std::vector<std::string> run{"run", file, "--for", "1s", "--fps", "10", "--size", "64x48", "--rays", "10"};
+    for (const std::string film : {"film.mp4", "film.gif"}) {
+        std::vector<std::string> words = run;
+        words.insert(words.end(), {"--render", folder / film});
+        if (film == "film.mp4") words.insert(words.end(), {"--listen", folder / film});
+        const Outcome outcome = rtsg(words);
+        ASSERT_EQ(outcome.status, 0) << outcome.err;
+        const std::string scene = folder / "shown.x3dv";
+        writeFile(scene,
+                  "#X3D V4.0 utf8\nPROFILE Full\nViewpoint { position 0 0 4 }\nShape { appearance Appearance { "
+                  "material UnlitMaterial { } texture DEF M MovieTexture { loop TRUE url \"" +
+                      film + "\" } } geometry Rectangle2D { size 2 2 } }\nSound { spatialize FALSE source USE M }\n");
+        expectSame({"render", scene, "--size", "32x32", "--frames", "12", "--fps", "7"}, "out.gif");
+        if (film == "film.mp4") expectSame({"listen", scene, "--for", ".5s", "--rays", "10"}, "out.wav");
+    }
+}
+
 TEST_F(Decoded, SoundsAndFontsAreTheSameInTheSandbox) {
     ASSERT_EQ(rtsg({"listen", file, "-o", folder / "none.wav", "--for", ".2s", "--rays", "10"}).status, 0);
     expectSame({"listen", file, "--for", ".5s", "--rays", "10"}, "out.wav");

@@ -23,7 +23,8 @@ enum class Word : std::uint32_t {
     answer,   // to a worker: text
     grow,     // of a worker: size: bytes that shared memory is to have
     granted,  // to a worker: size: bytes that it has
-    done      // of a worker: text, number: where the result begins; size: its bytes
+    done,     // of a worker: text, number: where the result begins; size: its bytes
+    paused    // of a worker: the same, and it waits for an answer
 };
 
 struct Packet {

@@ -7,6 +7,7 @@
 #include <chrono>
 #include <csignal>
 #include <cstring>
+#include <ctime>
 #include <mutex>
 #include <optional>
 #include <utility>
@@ -108,6 +109,29 @@ std::uint64_t freeSpace(const SandboxLimits& limits) {
     return std::min(maximum - std::min(heldMemory(), maximum), limits.bytes);
 }
 
+void setMemory(const Worker& worker, const SandboxLimits& limits) {
+    rlimit both{};
+    if (::prlimit(worker.pid, RLIMIT_AS, nullptr, &both) != 0) return;
+    both.rlim_cur = std::min<rlim_t>(worker.space + freeSpace(limits), both.rlim_max);
+    ::prlimit(worker.pid, RLIMIT_AS, &both, nullptr);
+}
+
+unsigned secondsOf(const SandboxLimits& limits) {
+    return limits.seconds + limits.seconds / 4;
+}
+
+/// Processor time from now on.
+void setTime(const Worker& worker, const SandboxLimits& limits) {
+    clockid_t clock{};
+    timespec used{};
+    rlimit both{};
+    if (::clock_getcpuclockid(worker.pid, &clock) != 0 || ::clock_gettime(clock, &used) != 0 ||
+        ::prlimit(worker.pid, RLIMIT_CPU, nullptr, &both) != 0)
+        return;
+    both.rlim_cur = std::min<rlim_t>(static_cast<rlim_t>(used.tv_sec) + secondsOf(limits), both.rlim_max);
+    ::prlimit(worker.pid, RLIMIT_CPU, &both, nullptr);
+}
+
 }  // namespace
 
 /// The workers that wait, and the zygote that makes others.
@@ -122,6 +146,8 @@ class SandboxPool {
     bool isStarted() const { return isStarted_; }
     Result<SandboxResult> run(const SandboxTask& task, std::string_view head, std::span<const std::uint8_t> bytes,
                               const SandboxAnswers& answers, const SandboxLimits& limits);
+    Result<SandboxResult> resume(SandboxResult paused, std::string_view said, const SandboxAnswers& answers,
+                                 const SandboxLimits& limits);
     void giveBack(Worker worker);
 
   private:
@@ -141,7 +167,10 @@ class SandboxPool {
     std::expected<SandboxResult, Failure> runIn(Worker worker, std::string_view head,
                                                 std::span<const std::uint8_t> bytes, const SandboxAnswers& answers,
                                                 const SandboxLimits& limits);
-    std::expected<SandboxResult, Failure> talk(Worker& worker, std::uint64_t input, const SandboxAnswers& answers,
+    /// The result, or a failure that ends the worker if it is of no more use.
+    std::expected<SandboxResult, Failure> finish(Worker worker, std::uint64_t begin, const SandboxAnswers& answers,
+                                                 const SandboxLimits& limits);
+    std::expected<SandboxResult, Failure> talk(Worker& worker, std::uint64_t begin, const SandboxAnswers& answers,
                                                const SandboxLimits& limits);
 
     std::mutex mutex_;
@@ -237,7 +266,7 @@ Result<Worker> SandboxPool::create(const SandboxTask& task, const SandboxLimits&
     sandbox::Order wanted;
     wanted.task = task;
     wanted.library = sandbox::libraryOf(reinterpret_cast<const void*>(task.serve));
-    wanted.bytes = freeSpace(limits), wanted.seconds = limits.seconds + limits.seconds / 4;
+    wanted.bytes = freeSpace(limits), wanted.seconds = secondsOf(limits);
     const auto created = order(wanted, there.number(), worker.memory.number());
     if (!created) return std::unexpected(created.error());
     if (created->problem < 0) return fail(std::string("the sandbox began before ") + task.name + " were loaded");
@@ -298,14 +327,13 @@ void SandboxPool::giveBack(Worker worker) {
     end(std::move(worker));
 }
 
-std::expected<SandboxResult, SandboxPool::Failure> SandboxPool::talk(Worker& worker, std::uint64_t input,
+std::expected<SandboxResult, SandboxPool::Failure> SandboxPool::talk(Worker& worker, std::uint64_t begin,
                                                                      const SandboxAnswers& answers,
                                                                      const SandboxLimits& limits) {
     const int socket = worker.socket.number();
     const auto wait = 4 * std::chrono::seconds(limits.seconds);
     const auto end = SandboxClock::now() + wait;
     const auto packet = std::make_unique_for_overwrite<Packet>();
-    const std::uint64_t begin = (input + kSharedPage - 1) / kSharedPage * kSharedPage;
     for (;;) {
         const Arrival arrival = sandbox::receive(socket, *packet);
         if (arrival == Arrival::late || SandboxClock::now() > end)
@@ -327,12 +355,16 @@ std::expected<SandboxResult, SandboxPool::Failure> SandboxPool::talk(Worker& wor
                     return std::unexpected(Failure{{}, true});
                 break;
             }
+            case Word::paused:
+                worker.isLast = true;  // it can do no other job
+                [[fallthrough]];
             case Word::done: {
                 if (packet->number != begin || packet->size > worker.size - begin)
                     return std::unexpected(Failure{"the library that reads it is broken", true});
                 SandboxResult result;
                 result.head_ = packet->view();
                 result.offset_ = begin, result.size_ = static_cast<std::size_t>(packet->size);
+                result.isPaused_ = packet->word == Word::paused;
                 return result;
             }
             case Word::broken:
@@ -361,29 +393,47 @@ std::expected<SandboxResult, SandboxPool::Failure> SandboxPool::runIn(Worker wor
             return std::unexpected(Failure{std::string("no memory for the sandbox: ") + std::strerror(errno), false});
         done += static_cast<std::size_t>(put);
     }
-    rlimit both{};
-    if (::prlimit(worker.pid, RLIMIT_AS, nullptr, &both) == 0) {
-        both.rlim_cur = std::min<rlim_t>(worker.space + freeSpace(limits), both.rlim_max);
-        ::prlimit(worker.pid, RLIMIT_AS, &both, nullptr);
-    }
+    setMemory(worker, limits);
+    const std::uint64_t begin = (bytes.size() + kSharedPage - 1) / kSharedPage * kSharedPage;
     const bool isReused = worker.hasServed;
-    std::expected<SandboxResult, Failure> result = std::unexpected(Failure{{}, true});
-    if (sandbox::send(worker.socket.number(), Word::job, bytes.size(), worker.size, head))
-        result = talk(worker, bytes.size(), answers, limits);
-    // A job's error leaves the worker as it was; one that broke or hangs is of no more use.
-    const bool stays = result || (!result.error().isOfWorker && !result.error().text.starts_with("it takes too long"));
+    if (!sandbox::send(worker.socket.number(), Word::job, bytes.size(), worker.size, head))
+        return std::unexpected(Failure{endedBy(end(std::move(worker))), isReused});
+    auto result = finish(std::move(worker), begin, answers, limits);
+    if (!result) result.error().isOfWorker = result.error().isOfWorker && isReused;
+    return result;
+}
+
+std::expected<SandboxResult, SandboxPool::Failure> SandboxPool::finish(Worker worker, std::uint64_t begin,
+                                                                       const SandboxAnswers& answers,
+                                                                       const SandboxLimits& limits) {
+    auto result = talk(worker, begin, answers, limits);
     if (result) {
         result->loan_ = std::make_unique<SandboxResult::Loan>(std::move(worker));
         return result;
     }
-    if (stays) {
+    // A job's error leaves the worker as it was; one that broke or hangs is of no more use.
+    if (!result.error().isOfWorker && !result.error().text.starts_with("it takes too long")) {
         giveBack(std::move(worker));
         return result;
     }
     const int status = end(std::move(worker));
     if (result.error().text.empty()) result.error().text = endedBy(status);
-    result.error().isOfWorker = result.error().isOfWorker && isReused;
     return result;
+}
+
+Result<SandboxResult> SandboxPool::resume(SandboxResult paused, std::string_view said, const SandboxAnswers& answers,
+                                          const SandboxLimits& limits) {
+    if (said.size() > kMaxSandboxText) return fail("it has more parts than may be asked for at once");
+    if (!paused.isPaused_ || !paused.loan_ || paused.loan_->worker.owner != ::getpid())
+        return fail("the sandbox has ended");
+    Worker worker = std::move(paused.loan_->worker);
+    paused.loan_.reset();
+    setMemory(worker, limits);
+    setTime(worker, limits);
+    if (!sandbox::send(worker.socket.number(), Word::answer, 0, 0, said)) return fail(endedBy(end(std::move(worker))));
+    auto result = finish(std::move(worker), paused.offset_, answers, limits);
+    if (result) return std::move(*result);
+    return fail(std::move(result.error().text));
 }
 
 Result<SandboxResult> SandboxPool::run(const SandboxTask& task, std::string_view head,
@@ -404,6 +454,11 @@ Result<SandboxResult> SandboxPool::run(const SandboxTask& task, std::string_view
 Result<SandboxResult> runSandboxed(const SandboxTask& task, std::string_view head, std::span<const std::uint8_t> bytes,
                                    const SandboxAnswers& answers, const SandboxLimits& limits) {
     return SandboxPool::instance().run(task, head, bytes, answers, limits);
+}
+
+Result<SandboxResult> resumeSandboxed(SandboxResult paused, std::string_view said, const SandboxAnswers& answers,
+                                      const SandboxLimits& limits) {
+    return SandboxPool::instance().resume(std::move(paused), said, answers, limits);
 }
 
 Result<> startSandbox() {

@@ -2,6 +2,7 @@
 #include <cstdio>
 #include <ctime>
 #include <new>
+#include <utility>
 
 #include <sys/mman.h>
 #include <sys/resource.h>
@@ -88,6 +89,11 @@ class Job final : public SandboxJob {
         return {memory_.at(begin_), bytes};
     }
     void answer(std::string head) override { answer_ = std::move(head), isAnswered_ = true; }
+    std::string pause(std::string head) override {
+        if (!send(socket_, Word::paused, begin_, std::exchange(used_, 0), head)) ::_exit(0);
+        wait(Word::answer);
+        return std::string(packet_.view());
+    }
 
     bool finish(bool isLast) const {
         if (!isAnswered_) return send(socket_, Word::broken, 0, 0, "it ends without a word", isLast);

@@ -95,6 +95,15 @@ void serve(SandboxJob& job) {
     const std::string head(job.head());
     if (const auto found = kActions.find(head); found != kActions.end()) return job.answer(found->second());
     if (head == "silent") return;
+    if (head == "pause") {
+        std::string said = "begun";
+        for (int i = 0; said != "end"; ++i) {
+            if (said == "fault") *static_cast<volatile int*>(nullptr) = 1;
+            std::ranges::fill(job.room(said == "nothing" ? 0 : 10'000'000), static_cast<std::uint8_t>(i));
+            said = job.pause(said == "ask" ? job.ask("who?") : said);
+        }
+        return job.answer("ended");
+    }
     if (head == "ask") return job.answer(job.ask("who?") + job.ask("where?"));
     if (head == "large") return job.room(std::size_t{1} << 40), job.answer("granted");
     // The bytes back, each one more.
@@ -142,6 +151,45 @@ TEST(Sandbox, AnswersQuestions) {
     // Nobody is there to answer, and the worker is of no more use.
     EXPECT_FALSE(runSandboxed(kTask, "ask", {}));
     EXPECT_EQ(say(kTask, "count"), "1");
+}
+
+TEST(Sandbox, AJobWaitsForWhatTheCallerSays) {
+    const std::string before = say(kTask, "pid");
+    auto job = runSandboxed(kTask, "pause", {});
+    for (const int i : {0, 1, 2}) {
+        ASSERT_TRUE(job) << job.error().text;
+        EXPECT_TRUE(job->isPaused());
+        std::vector<std::uint8_t> got(job->size());
+        EXPECT_EQ(got.size(), i == 1 ? 0u : 10'000'000u);
+        EXPECT_TRUE(job->read(got));
+        EXPECT_EQ(std::ranges::count(got, i), static_cast<std::ptrdiff_t>(got.size()));
+        EXPECT_NE(say(kTask, "pid"), before) << "another worker serves others meanwhile";
+        job = resumeSandboxed(std::move(*job),
+                              i == 0   ? "nothing"
+                              : i == 1 ? "ask"
+                                       : "end",
+                              [](std::string_view) { return std::string("me"); });
+        if (i == 1 && job) EXPECT_EQ(job->head(), "me");
+    }
+    ASSERT_TRUE(job) << job.error().text;
+    EXPECT_FALSE(job->isPaused());
+    EXPECT_EQ(job->head(), "ended");
+    EXPECT_FALSE(resumeSandboxed(std::move(*job), "once more")) << "there is nothing to go on with";
+    EXPECT_EQ(say(kTask, "pid"), before) << "it serves others again";
+}
+
+TEST(Sandbox, APausedJobEndsWithItsResultOrByAFault) {
+    const std::string before = say(kTask, "pid");
+    {
+        const auto left = runSandboxed(kTask, "pause", {});
+    }
+    EXPECT_NE(say(kTask, "pid"), before);
+    auto job = runSandboxed(kTask, "pause", {});
+    ASSERT_TRUE(job) << job.error().text;
+    const auto broken = resumeSandboxed(std::move(*job), "fault");
+    ASSERT_FALSE(broken);
+    EXPECT_THAT(broken.error().text, HasSubstr("breaks the library"));
+    EXPECT_EQ(say(kTask, "bytes"), "bytes");
 }
 
 TEST(Sandbox, AWorkerStaysUnlessItIsForOneJob) {

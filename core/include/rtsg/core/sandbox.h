@@ -35,6 +35,9 @@ class SandboxJob {
     virtual std::span<std::uint8_t> room(std::size_t bytes) = 0;
     /// The result: this, and all that room() gave.
     virtual void answer(std::string head) = 0;
+    /// A result on the way, after which the job goes on when the caller says so, with what it then says. Takes back
+    /// what room() gave.
+    virtual std::string pause(std::string head) = 0;
 };
 
 /// One kind of job: functions of the program, or of libraries that were loaded before startSandbox(). One object for
@@ -53,7 +56,8 @@ struct SandboxLimits {
     unsigned seconds = 60;                         // of processor time, within some; four times that by the clock
 };
 
-/// The result of a job. Its worker serves nobody else as long as it exists.
+/// The result of a job, or of its part until pause(). Its worker serves nobody else as long as it exists, and ends if
+/// the job is paused by then.
 class SandboxResult {
   public:
     SandboxResult();
@@ -63,6 +67,7 @@ class SandboxResult {
 
     const std::string& head() const { return head_; }
     std::size_t size() const { return size_; }
+    bool isPaused() const { return isPaused_; }
     /// Copies all bytes; `to` has size() of them. False: the system does not give them.
     bool read(std::span<std::uint8_t> to) const;
 
@@ -73,6 +78,7 @@ class SandboxResult {
     std::string head_;
     std::uint64_t offset_ = 0;
     std::size_t size_ = 0;
+    bool isPaused_ = false;
 };
 
 using SandboxAnswers = std::function<std::string(std::string_view question)>;
@@ -101,6 +107,10 @@ bool takeSandboxNumbers(std::string_view& text, Numbers& numbers) {
 /// broke, or took too long; there are no workers.
 Result<SandboxResult> runSandboxed(const SandboxTask& task, std::string_view head, std::span<const std::uint8_t> bytes,
                                    const SandboxAnswers& answers = {}, const SandboxLimits& limits = {});
+
+/// Goes on with a paused job, until its end or the next pause. The limits are those of this part. Errors as above.
+Result<SandboxResult> resumeSandboxed(SandboxResult paused, std::string_view said, const SandboxAnswers& answers = {},
+                                      const SandboxLimits& limits = {});
 
 /// Starts the zygote; later calls do nothing and return what the first one did. Error: workers will have all rights
 /// that this process has, because the kernel has no seccomp, or there are no workers and each job is that error.

@@ -2,12 +2,15 @@
 #include "movie_files.h"
 
 #include <rtsg/core/module.h>
+#include <rtsg/core/sandbox.h>
+
+#include "sandbox_movies.h"
 
 namespace rtsg {
 
 #ifdef RTSG_NO_MOVIES
 
-Result<const MovieFiles*> movieFiles() {
+Result<const MovieFiles*> movieFilesHere() {
     return fail("films are not shown: this build leaves them out (RTSG_MOVIES=OFF)");
 }
 
@@ -26,11 +29,15 @@ Result<const MovieFiles*> loadMovieFiles() {
 
 }  // namespace
 
-Result<const MovieFiles*> movieFiles() {
+Result<const MovieFiles*> movieFilesHere() {
     static const Result<const MovieFiles*> files = loadMovieFiles();
     return files;
 }
 
 #endif
+
+Result<const MovieFiles*> movieFiles() {
+    return isSandboxed() ? Result<const MovieFiles*>(&sandboxedMovieFiles()) : movieFilesHere();
+}
 
 }  // namespace rtsg

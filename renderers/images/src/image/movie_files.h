@@ -1,6 +1,7 @@
 // MovieFiles: the pictures of films, by a module (librtsg_movies.so) that is loaded when the first film is shown or
 // made.
 //
+// Where there is a sandbox, films are read in workers of it; they are made here.
 // Invariant: nothing of FFmpeg is on this side; the module links nothing of ours, opens nothing but the bytes it is
 // given and writes nothing but through what it is given. Errors are sentences; an empty one means done. Threading:
 // open() and make() from any thread; one film on one thread.
@@ -82,8 +83,10 @@ class MovieFiles {
     virtual std::string readSound(MovieBytes bytes, std::uint64_t maximumSamples, FileSound& out) const = 0;
 };
 
-/// Loads the module, as imageFiles() does.
+/// Those of the sandbox if isSandboxed(), otherwise those of this process.
 Result<const MovieFiles*> movieFiles();
+/// Loads the module, as imageFiles() does.
+Result<const MovieFiles*> movieFilesHere();
 
 /// The pictures of a film, which keeps the file. Errors: as for Movie::open().
 Result<std::unique_ptr<MovieFile>> openMovie(const std::shared_ptr<const Resource>& file, std::uint64_t maximumPixels);
