@@ -35,11 +35,7 @@ Result<> OutputsBehind::follow() {
         // The previous time is complete when a set of a later time comes. Inlines that it loaded came as sets of their
         // own.
         if (outputs_ && set->time != copy.now() && !outputs_->frame()) break;  // finish() tells the reason
-        if (set->isSnapshot() && copy.sequence() != 0)
-            if (auto ok = copy.reset(); !ok) return ok;
-        const Hash128 origin = set->hash;
-        if (auto ok = copy.apply(set); !ok) return ok;
-        if (copy.hash() != origin) return fail(fmt::format("the copy differs in state {}", copy.sequence()));
+        if (auto ok = applyTo(copy, set); !ok) return ok;
         if (!outputs_) {
             world_ = std::make_unique<WorldOnDemand>(copy, resources_, arguments_.context);
             auto attached = Outputs::attach(*world_, arguments_, resources_);

@@ -5,8 +5,11 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <string_view>
 #include <utility>
+
+#include <fmt/format.h>
 
 #include <rtsg/core/scene.h>
 #include <rtsg/core/worker.h>
@@ -35,6 +38,14 @@ class QueuedOutputs : public OutputMaker {
         worker_.run([this] { result_ = follow(); }, std::move(wake));
     }
     virtual Result<> follow() = 0;
+    /// Takes the copy to the state of its set. Error: it is not what the origin was then.
+    static Result<> applyTo(Scene& copy, const std::shared_ptr<const ChangeSet>& set) {
+        if (set->isSnapshot() && copy.sequence() != 0)
+            if (auto ok = copy.reset(); !ok) return ok;
+        if (auto ok = copy.apply(set); !ok) return ok;
+        if (copy.hash() != set->hash) return fail(fmt::format("the copy differs in state {}", copy.sequence()));
+        return {};
+    }
     /// Of follow(), once the worker is idle. `what` has ended, if follow() has thrown.
     Result<> result(std::string_view what) const {
         const Result<> thrown = worker_.failure(what);

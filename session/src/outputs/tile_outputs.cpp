@@ -63,17 +63,13 @@ struct TileOutputs::Drawer {
     }
     Result<> apply() {
         const std::shared_ptr<const ChangeSet> set = std::exchange(next, nullptr);
-        if (set->isSnapshot() && scene.sequence() != 0) {
-            if (auto ok = scene.reset(); !ok) return ok;
-            states.clear();
-        }
+        if (set->isSnapshot()) states.clear();
         // Of the first state that comes it is not known when it began.
         if (!light || set->isSnapshot())
             from = set->time;
         else if (set->time > scene.now())
             from = scene.now();
-        if (auto ok = scene.apply(set); !ok) return ok;
-        if (scene.hash() != set->hash) return fail(fmt::format("the copy differs in state {}", scene.sequence()));
+        if (auto ok = applyTo(scene, set); !ok) return ok;
         return light ? Result<>() : attach();
     }
     Result<> attach() {
