@@ -12,6 +12,7 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/markup.h>
 #include <rtsg/core/output_file.h>
 
 namespace rtsg::bench {
@@ -29,24 +30,6 @@ double widthOf(const std::string& text, double size = kTextHeight) {
     std::size_t letters = 0;
     for (const char c : text) letters += (static_cast<unsigned char>(c) & 0xC0) != 0x80;
     return static_cast<double>(letters) * size * .53;
-}
-
-std::string escaped(const std::string& text) {
-    std::string out;
-    for (const char c : text) switch (c) {
-            case '&':
-                out += "&amp;";
-                break;
-            case '<':
-                out += "&lt;";
-                break;
-            case '>':
-                out += "&gt;";
-                break;
-            default:
-                out += c;
-        }
-    return out;
 }
 
 /// 1 2 000 30 000 10⁵; decimals as few as needed.
@@ -182,7 +165,7 @@ class Drawing {
     void text(double x, double y, const std::string& anchor, const std::string& colour, const std::string& words,
               const std::string& more = {}) {
         add("<text x=\"{:.1f}\" y=\"{:.1f}\" text-anchor=\"{}\" fill=\"{}\" {}>{}</text>", x, y, anchor, colour, more,
-            escaped(words));
+            escapeMarkup(words));
     }
     void line(double x1, double y1, double x2, double y2, const std::string& colour, double width = 1) {
         add("<line x1=\"{:.1f}\" y1=\"{:.1f}\" x2=\"{:.1f}\" y2=\"{:.1f}\" stroke=\"{}\" stroke-width=\"{:g}\"/>", x1,

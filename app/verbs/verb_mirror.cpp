@@ -8,11 +8,9 @@
 #include <optional>
 #include <utility>
 
-#include <sys/eventfd.h>
-#include <unistd.h>
-
 #include <fmt/format.h>
 
+#include <rtsg/core/descriptor.h>
 #include <rtsg/documents/loader.h>
 #include <rtsg/scripts/run_scripts.h>
 #include <rtsg/session/foxglove.h>
@@ -200,23 +198,6 @@ class Created {
     std::unique_ptr<OutputMaker> outputs_;
 };
 
-/// Ends a wait for what the server sends when others want something.
-class Call {
-  public:
-    Call() = default;
-    ~Call() { ::close(descriptor_); }
-    Call(const Call&) = delete;
-    Call& operator=(const Call&) = delete;
-    int descriptor() const { return descriptor_; }
-    void clear() const {
-        std::uint64_t ignored = 0;
-        (void)!::read(descriptor_, &ignored, sizeof(ignored));
-    }
-
-  private:
-    const int descriptor_ = ::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
-};
-
 class Mirroring {
   public:
     Mirroring(const MirrorArguments& options, MirrorOrigin& from)
@@ -310,7 +291,7 @@ class Mirroring {
     MirrorStatistics last_;
     Extensions::Attached subscribers_;  // of plug-ins
     std::unique_ptr<Created> outputs_;
-    Call viewers_;  // of foxglove_
+    Wakeup viewers_;  // of foxglove_, when they want something
     Foxglove foxglove_;
     std::optional<std::uint64_t> firstState_;  // the state from which on it counts as joined
     std::uint64_t known_ = 0;                  // the origin's state when --for was over
@@ -338,14 +319,14 @@ bool Mirroring::join() {
     subscribers_ = attachSubscribers(replica_, programContext());
     outputs_ = std::make_unique<Created>(replica_, arguments, resources_);
     auto foxglove = Foxglove::start(options_.foxglove.listen, options_.fields, outputs_->world(),
-                                    {options_.insecure, viewers_.descriptor()}, programContext());
+                                    {options_.insecure, viewers_.get()}, programContext());
     if (!foxglove) {
         printError(foxglove.error());
         status_ = kBad;
         return false;
     }
     foxglove_ = std::move(*foxglove);
-    if (options_.foxglove.wanted()) client_->wakeBy(viewers_.descriptor());
+    if (options_.foxglove.wanted()) client_->wakeBy(viewers_.get());
     if (outputs_->wantsSteps()) client_->onStep([this](const RecordStep& step) { outputs_->step(step); });
     notifyServiceManager("READY=1");
     if (auto ok = refusingUsage(requests_.parse(replica_)); !ok) {

@@ -34,7 +34,7 @@ std::size_t visits(RTCScene scene, const Mesh& mesh, unsigned seed) {
 
 struct Bvhs {
     bvh::Device device{1, true};
-    Worker worker;
+    Worker worker("test");
     std::unique_ptr<bvh::MeshBvh> followed;
 
     void show(const std::shared_ptr<const Mesh>& mesh) {
@@ -120,7 +120,7 @@ TEST(MeshRefit, WithoutRebuildsTheSameWouldSpoilTheTree) {
     rtcUpdateGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_VERTEX, 0);
     rtcCommitGeometry(geometry.get());
     rtcCommitScene(scene.get());
-    Worker worker;
+    Worker worker("test");
     bvh::MeshBvh fresh(device, worker, end);
     fresh.commit();
     EXPECT_GT(static_cast<double>(visits(scene.get(), *end, 4)),

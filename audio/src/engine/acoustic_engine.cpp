@@ -326,8 +326,10 @@ Result<> AcousticEngine::renderLive(std::shared_ptr<const AcousticState> state, 
     Impl& s = *impl_;
     const auto began = std::chrono::steady_clock::now();
     if (s.options.background && !s.worker) s.worker = std::make_unique<TraceWorker>();
-    if (s.worker)
+    if (s.worker) {
+        if (auto ok = s.worker->failure(); !ok) return ok;
         if (auto done = s.worker->take()) s.takeResponse(std::move(*done));
+    }
     if (state != s.liveState) {
         s.liveState = std::move(state);
         s.liveRays = std::move(rays);

@@ -3,22 +3,18 @@
 // Computing one takes longer than a block lasts. Threading: ask() and take() on one other thread; they never wait.
 #pragma once
 
-#include <condition_variable>
 #include <memory>
 #include <mutex>
 #include <optional>
-#include <thread>
 
 #include <rtsg/audio/hrtf.h>
+#include <rtsg/core/worker.h>
 
 namespace rtsg {
 
 class HeadMaker {
   public:
-    explicit HeadMaker(int sampleRate);
-    ~HeadMaker();
-    HeadMaker(const HeadMaker&) = delete;
-    HeadMaker& operator=(const HeadMaker&) = delete;
+    explicit HeadMaker(int sampleRate) : sampleRate_(sampleRate) {}
 
     /// The parameters of Hrtf::sphere().
     struct Size {
@@ -34,15 +30,10 @@ class HeadMaker {
     std::optional<Created> take();
 
   private:
-    void run();
-
     const int sampleRate_;
     std::mutex mutex_;
-    std::condition_variable wake_;
-    std::optional<Size> asked_;
     std::optional<Created> created_;
-    bool stop_ = false;
-    std::thread thread_;
+    Worker worker_{"rtsg head"};  // last: its jobs use the others
 };
 
 }  // namespace rtsg

@@ -157,29 +157,13 @@ TracedResponse traceResponse(const TraceJob& job, const WorldGeometry& geometry)
     return result;
 }
 
-TraceWorker::TraceWorker() : thread_([this] { run(); }) {}
-
-TraceWorker::~TraceWorker() {
-    {
-        const std::lock_guard lock(mutex_);
-        stop_ = true;
-    }
-    wake_.notify_one();
-    thread_.join();
-}
-
 bool TraceWorker::idle() const {
     const std::lock_guard lock(mutex_);
-    return !busy_ && !done_;
+    return worker_.idle() && !done_;
 }
 
 void TraceWorker::submit(TraceJob job) {
-    {
-        const std::lock_guard lock(mutex_);
-        job_ = std::move(job);
-        busy_ = true;
-    }
-    wake_.notify_one();
+    worker_.start([this, job = std::move(job)] { run(job); });
 }
 
 std::optional<TracedResponse> TraceWorker::take() {
@@ -187,33 +171,21 @@ std::optional<TracedResponse> TraceWorker::take() {
     return std::exchange(done_, std::nullopt);
 }
 
-void TraceWorker::run() {
+void TraceWorker::run(const TraceJob& job) {
     const ThreadPriority usual(ThreadPriority::Kind::usual);  // whoever started it
+    // If many sources move there is always something to trace, so some of the time is left to others.
+    if (!worker_.pause(restsUntil_ - Clock::now())) return;
+    const auto began = Clock::now();
+    TracedResponse response;
     // One core is the sound's own.
-    const unsigned threads = std::max(1u, availableThreads() - 1);
-    WorldGeometry geometry;
-    Clock::duration rest{0};
-    for (;;) {
-        std::optional<TraceJob> job;
-        {
-            std::unique_lock lock(mutex_);
-            // If many sources move there is always something to trace, so some of the time is left to others.
-            wake_.wait_for(lock, rest, [&] { return stop_; });
-            wake_.wait(lock, [&] { return stop_ || job_; });
-            if (stop_) return;
-            job = std::exchange(job_, std::nullopt);
-        }
-        const auto began = Clock::now();
-        TracedResponse response;
-        withThreads(threads, [&] {
-            geometry.follow(job->state->walls, *job->rays);
-            response = traceResponse(*job, geometry);
-        });
-        rest = restAfter(Clock::now() - began, job->fraction);
-        const std::lock_guard lock(mutex_);
-        done_ = std::move(response);
-        busy_ = false;
-    }
+    withThreads(std::max(1u, availableThreads() - 1), [&] {
+        geometry_.follow(job.state->walls, *job.rays);
+        response = traceResponse(job, geometry_);
+    });
+    const auto ended = Clock::now();
+    restsUntil_ = ended + restAfter(ended - began, job.fraction);
+    const std::lock_guard lock(mutex_);
+    done_ = std::move(response);
 }
 
 }  // namespace rtsg

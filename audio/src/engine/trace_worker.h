@@ -6,11 +6,9 @@
 #pragma once
 
 #include <chrono>
-#include <condition_variable>
 #include <memory>
 #include <mutex>
 #include <optional>
-#include <thread>
 #include <vector>
 
 #include <rtsg/audio/acoustic_box.h>
@@ -20,6 +18,7 @@
 #include <rtsg/audio/echogram.h>
 #include <rtsg/audio/impulse_response.h>
 #include <rtsg/audio/world_geometry.h>
+#include <rtsg/core/worker.h>
 
 #include "images/followed_images.h"
 
@@ -87,26 +86,23 @@ TracedResponse traceResponse(const TraceJob& job, const WorldGeometry& geometry)
 
 class TraceWorker {
   public:
-    TraceWorker();
-    ~TraceWorker();
-    TraceWorker(const TraceWorker&) = delete;
-    TraceWorker& operator=(const TraceWorker&) = delete;
-
     bool idle() const;
     /// Precondition: idle().
     void submit(TraceJob job);
     /// The response that was finished since the last call.
     std::optional<TracedResponse> take();
+    /// What a trace has ended by, such as too little memory.
+    Result<> failure() const { return worker_.failure("tracing sound ended"); }
 
   private:
-    void run();
+    void run(const TraceJob& job);
 
     mutable std::mutex mutex_;
-    std::condition_variable wake_;
-    std::optional<TraceJob> job_;
     std::optional<TracedResponse> done_;
-    bool busy_ = false, stop_ = false;
-    std::thread thread_;
+    // For the thread alone.
+    WorldGeometry geometry_;
+    std::chrono::steady_clock::time_point restsUntil_{};
+    Worker worker_{"rtsg trace"};  // last: its jobs use the others
 };
 
 }  // namespace rtsg

@@ -6,7 +6,6 @@
 #include <mutex>
 #include <optional>
 #include <span>
-#include <thread>
 #include <utility>
 #include <variant>
 
@@ -16,6 +15,7 @@
 #include <rtsg/audio/live_sound.h>
 #include <rtsg/audio/sound_device.h>
 #include <rtsg/core/scene.h>
+#include <rtsg/core/worker.h>
 
 #include "audio_events.h"
 #include "sealed_text.h"
@@ -46,8 +46,7 @@ struct LiveSound::Impl {
     ~Impl() { end(); }
 
     void end() {
-        stop = true;
-        if (thread.joinable()) thread.join();
+        worker.stop();
         if (std::exchange(added, false)) world.remove(tables);
     }
 
@@ -58,9 +57,11 @@ struct LiveSound::Impl {
         const auto begin = Clock::now();
         bool hurried = true;
         std::string failure;
-        while (!stop && failure.empty()) {
+        const auto wait =
+            std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(0.2 * blockSeconds));
+        while (!worker.stops() && failure.empty()) {
             if (device.free() == 0) {
-                std::this_thread::sleep_for(std::chrono::duration<double>(0.2 * blockSeconds));
+                worker.pause(wait);
                 continue;
             }
             const auto start = Clock::now();
@@ -147,12 +148,11 @@ struct LiveSound::Impl {
     float applied = 1;  // in the last block
     float loudest = 0;
     double meanSquare = 0;
-    std::atomic<bool> stop = false;
     std::atomic<bool> wanted = true;  // what nodes find
     mutable std::mutex mutex;
     LiveReport reported;
     std::optional<AudioFindings> found;
-    std::thread thread;
+    Worker worker{"rtsg sound"};  // last: its job uses the others
 };
 
 LiveSound::LiveSound(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -181,7 +181,7 @@ Result<std::unique_ptr<LiveSound>> LiveSound::start(SharedWorld& world, const Li
     if (auto present = world.present(); present && (*present)->of(impl->number) && (*present)->rays)
         impl->state = std::move(*present);
     impl->engine->prepare(*impl->tables.latest());
-    impl->thread = std::thread([s = impl.get()] { s->run(); });
+    impl->worker.run([s = impl.get()] { s->run(); });
     return std::unique_ptr<LiveSound>(new LiveSound(std::move(impl)));
 }
 
@@ -202,7 +202,9 @@ void LiveSound::setVolume(double volume) {
 
 LiveReport LiveSound::report() const {
     const std::lock_guard lock(impl_->mutex);
-    return impl_->reported;
+    LiveReport report = impl_->reported;
+    if (const auto ok = impl_->worker.failure("sound ended"); !ok) report.failure = ok.error().text;
+    return report;
 }
 
 namespace {
@@ -228,7 +230,7 @@ void reportOn(const ClipLibrary::GivenSounds& sounds, std::string_view what, Dia
 
 LiveReport LiveSound::stop() {
     impl_->end();
-    LiveReport report = impl_->reported;
+    LiveReport report = this->report();
     if (report.clipped > 0)
         report.diagnostics.warning(
             {}, fmt::format("{} samples were beyond full scale, by up to {:.1f} dB, and were clipped", report.clipped,

@@ -6,6 +6,8 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/markup.h>
+
 #include "json_text.h"
 #include "report_figures.h"
 
@@ -43,21 +45,6 @@ std::string centerText(const glm::dvec3& p) {
 
 bool losesSome(const RoomReport::Losses& losses) {
     return !losses.openings.outdoors && losses.openings.escaped > kNothing;
-}
-
-std::string marked(std::string_view text) {
-    std::string result;
-    for (const char c : printable(text)) {
-        if (c == '&')
-            result += "&amp;";
-        else if (c == '<')
-            result += "&lt;";
-        else if (c == '>')
-            result += "&gt;";
-        else
-            result += c;
-    }
-    return result;
 }
 
 }  // namespace
@@ -115,13 +102,13 @@ std::string lossesHtml(const RoomReport& report) {
             "<p>Of what {} emits {} leaves: by openings, and by leaks, which are small beside the room and hardly "
             "meant.</p>\n<table>\n<tr><th></th><th>Share</th><th>Size</th><th>Area, m&#178;</th><th>Centre, m</th>"
             "<th>Beside</th></tr>\n",
-            marked(losses.source), percentText(losses.openings.escaped));
+            escapeMarkup(printable(losses.source)), percentText(losses.openings.escaped));
         for (const RoomOpening& opening : losses.openings.openings)
             page += fmt::format(
                 "<tr><th>{}</th><td>{} <i>&#177;{}</i></td><td>{}</td><td>{:.3g}</td><td>{}</td>"
                 "<td>{}</td></tr>\n",
                 kindOf(opening), percentText(opening.meanFraction()), percentText(opening.fractionCi95),
-                sizeText(opening), opening.area, centerText(opening.center), marked(namesOf(opening)));
+                sizeText(opening), opening.area, centerText(opening.center), escapeMarkup(printable(namesOf(opening))));
         if (losses.openings.elsewhere > kNothing)
             page += fmt::format("<tr><th>other</th><td>{}</td><td></td><td></td><td></td><td></td></tr>\n",
                                 percentText(losses.openings.elsewhere));

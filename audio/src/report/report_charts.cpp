@@ -7,6 +7,8 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/markup.h>
+
 #include "heat_color.h"
 #include "report_figures.h"
 
@@ -138,24 +140,7 @@ double drawnSeconds(const Echogram& echogram, double first) {
 }  // namespace
 
 std::string escapedText(std::string_view text) {
-    std::string result;
-    for (const char c : printable(text)) switch (c) {
-            case '<':
-                result += "&lt;";
-                break;
-            case '>':
-                result += "&gt;";
-                break;
-            case '&':
-                result += "&amp;";
-                break;
-            case '"':
-                result += "&quot;";
-                break;
-            default:
-                result += c;
-        }
-    return result;
+    return escapeMarkup(printable(text));
 }
 
 std::string hertzText(double hz) {

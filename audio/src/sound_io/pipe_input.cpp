@@ -14,6 +14,7 @@
 #include <fmt/format.h>
 
 #include <rtsg/audio/sound_input.h>
+#include <rtsg/core/descriptor.h>
 
 namespace rtsg {
 namespace {
@@ -41,33 +42,27 @@ class Pipe {
   public:
     static Result<Pipe> open(const std::string& path) {
         // Not to wait here until somebody writes to it. Standard input is others' too, and stays as it is.
-        const int file = path == "-" ? ::fcntl(STDIN_FILENO, F_DUPFD_CLOEXEC, 0)
-                                     : ::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC);
-        if (file < 0) return fail(std::strerror(errno), {}, path);
-        return Pipe(file);
-    }
-    Pipe(Pipe&& other) noexcept : file_(std::exchange(other.file_, -1)) {}
-    Pipe(const Pipe&) = delete;
-    Pipe& operator=(const Pipe&) = delete;
-    ~Pipe() {
-        if (file_ >= 0) ::close(file_);
+        Descriptor file(path == "-" ? ::fcntl(STDIN_FILENO, F_DUPFD_CLOEXEC, 0)
+                                    : ::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC));
+        if (!file) return fail(std::strerror(errno), {}, path);
+        return Pipe(std::move(file));
     }
 
     enum class Outcome : std::uint8_t { some, none, end };
     /// Reads the bytes that have come, and waits for a moment if none have.
     Outcome read(std::vector<std::byte>& bytes) {
-        pollfd waiting{file_, POLLIN, 0};
+        pollfd waiting{file_.get(), POLLIN, 0};
         if (::poll(&waiting, 1, kWaitMs) <= 0 || waiting.revents == 0) return Outcome::none;
         bytes.resize(16384);
-        const ssize_t got = ::read(file_, bytes.data(), bytes.size());
+        const ssize_t got = ::read(file_.get(), bytes.data(), bytes.size());
         bytes.resize(static_cast<std::size_t>(std::max<ssize_t>(0, got)));
         if (got > 0) return Outcome::some;
         return got < 0 && (errno == EAGAIN || errno == EINTR) ? Outcome::none : Outcome::end;
     }
 
   private:
-    explicit Pipe(int file) : file_(file) {}
-    int file_;
+    explicit Pipe(Descriptor file) : file_(std::move(file)) {}
+    Descriptor file_;
 };
 
 /// Reads until the pipe or its sound ends, or `goOn` says no. `take` gets whole frames.

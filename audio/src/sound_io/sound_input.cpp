@@ -28,7 +28,7 @@ std::size_t framesOf(double seconds, int sampleRate) {
 }  // namespace
 
 bool SoundFeed::wanted() const {
-    return !input_.stop_;
+    return !input_.worker_.stops();
 }
 
 SoundFeed::~SoundFeed() {
@@ -112,22 +112,16 @@ void SoundFeed::put(std::span<const float> samples) {
             in.dropped_ += frames - done;
             return;
         }
-        std::this_thread::sleep_for(std::chrono::milliseconds(2));
+        in.worker_.pause(std::chrono::milliseconds(2));
     }
 }
 
 SoundInput::SoundInput(int sampleRate, Waits waits, Source source) : sampleRate_(sampleRate), waits_(waits) {
-    thread_ = std::thread([this, run = std::move(source)] {
+    worker_.run([this, run = std::move(source)] {
         SoundFeed feed(*this);
         run(feed);
         feed.finish();
-        ended_ = true;
     });
-}
-
-SoundInput::~SoundInput() {
-    stop_ = true;
-    thread_.join();
 }
 
 std::size_t SoundInput::channels() const {
@@ -136,7 +130,8 @@ std::size_t SoundInput::channels() const {
 
 std::string SoundInput::problem() const {
     const std::lock_guard lock(mutex_);
-    return problem_;
+    const Result<> failure = worker_.failure("reading it ended");
+    return failure ? problem_ : failure.error().text;
 }
 
 std::size_t SoundInput::ready() const {
@@ -149,7 +144,7 @@ std::span<const float> SoundInput::block(std::int64_t first, std::size_t frames,
     const std::size_t channels = this->channels();
     block_.assign(frames * channels, 0.0f);
     if (channels_.load(std::memory_order_acquire) == 0 || from >= frames) return block_;
-    const bool last = ended_;  // before looking how much there is
+    const bool last = ended();  // before looking how much there is
     const std::size_t room = ring_.size() / channels, wanted = frames - from;
     const std::size_t ahead = framesOf(kAheadSeconds, sampleRate_);
     std::uint64_t taken = taken_.load(std::memory_order_relaxed);

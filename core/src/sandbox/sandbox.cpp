@@ -20,6 +20,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <rtsg/core/descriptor.h>
 #include <rtsg/core/memory.h>
 
 #include "call_filter.h"
@@ -29,26 +30,7 @@ namespace rtsg {
 
 namespace sandbox {
 
-class Descriptor {
-  public:
-    Descriptor() = default;
-    explicit Descriptor(int number) : number_(number) {}
-    Descriptor(Descriptor&& other) noexcept : number_(std::exchange(other.number_, -1)) {}
-    Descriptor& operator=(Descriptor&& other) noexcept {
-        std::swap(number_, other.number_);
-        return *this;
-    }
-    ~Descriptor() {
-        if (number_ >= 0) ::close(number_);
-    }
-    int number() const { return number_; }
-    void close() { *this = Descriptor(); }
-
-  private:
-    int number_ = -1;
-};
-
-struct Worker {
+struct WorkerProcess {
     const SandboxTask* task = nullptr;
     Descriptor socket, memory;
     pid_t pid = 0, owner = 0;                // the process that it works for
@@ -62,11 +44,10 @@ struct Worker {
 namespace {
 
 using sandbox::Arrival;
-using sandbox::Descriptor;
 using sandbox::kSharedPage;
 using sandbox::Packet;
 using sandbox::Word;
-using sandbox::Worker;
+using sandbox::WorkerProcess;
 using SandboxClock = std::chrono::steady_clock;
 
 constexpr std::uint64_t kFreeBytes = 1 << 20;   // of a result, for which no worker asks
@@ -109,7 +90,7 @@ std::uint64_t freeSpace(const SandboxLimits& limits) {
     return std::min(maximum - std::min(heldMemory(), maximum), limits.bytes);
 }
 
-void setMemory(const Worker& worker, const SandboxLimits& limits) {
+void setMemory(const WorkerProcess& worker, const SandboxLimits& limits) {
     rlimit both{};
     if (::prlimit(worker.pid, RLIMIT_AS, nullptr, &both) != 0) return;
     both.rlim_cur = std::min<rlim_t>(worker.space + freeSpace(limits), both.rlim_max);
@@ -121,7 +102,7 @@ unsigned secondsOf(const SandboxLimits& limits) {
 }
 
 /// Processor time from now on.
-void setTime(const Worker& worker, const SandboxLimits& limits) {
+void setTime(const WorkerProcess& worker, const SandboxLimits& limits) {
     clockid_t clock{};
     timespec used{};
     rlimit both{};
@@ -148,7 +129,7 @@ class SandboxPool {
                               const SandboxAnswers& answers, const SandboxLimits& limits);
     Result<SandboxResult> resume(SandboxResult paused, std::string_view said, const SandboxAnswers& answers,
                                  const SandboxLimits& limits);
-    void giveBack(Worker worker);
+    void giveBack(WorkerProcess worker);
 
   private:
     /// A failure, and whether the worker that had served others before is the reason.
@@ -156,32 +137,32 @@ class SandboxPool {
         std::string text;
         bool isOfWorker = false;
     };
-    Result<Worker> lend(const SandboxTask& task, const SandboxLimits& limits);
-    Result<Worker> create(const SandboxTask& task, const SandboxLimits& limits);
+    Result<WorkerProcess> lend(const SandboxTask& task, const SandboxLimits& limits);
+    Result<WorkerProcess> create(const SandboxTask& task, const SandboxLimits& limits);
     Result<> startZygote();
     /// A process that was forked has none of the sandbox; it gets one of its own.
     void leaveThatOfParent();
     Result<sandbox::OrderAnswer> order(const sandbox::Order& order, int socket, int memory);
     /// Its status.
-    int end(Worker worker);
-    std::expected<SandboxResult, Failure> runIn(Worker worker, std::string_view head,
+    int end(WorkerProcess worker);
+    std::expected<SandboxResult, Failure> runIn(WorkerProcess worker, std::string_view head,
                                                 std::span<const std::uint8_t> bytes, const SandboxAnswers& answers,
                                                 const SandboxLimits& limits);
     /// The result, or a failure that ends the worker if it is of no more use.
-    std::expected<SandboxResult, Failure> finish(Worker worker, std::uint64_t begin, const SandboxAnswers& answers,
-                                                 const SandboxLimits& limits);
-    std::expected<SandboxResult, Failure> talk(Worker& worker, std::uint64_t begin, const SandboxAnswers& answers,
-                                               const SandboxLimits& limits);
+    std::expected<SandboxResult, Failure> finish(WorkerProcess worker, std::uint64_t begin,
+                                                 const SandboxAnswers& answers, const SandboxLimits& limits);
+    std::expected<SandboxResult, Failure> talk(WorkerProcess& worker, std::uint64_t begin,
+                                               const SandboxAnswers& answers, const SandboxLimits& limits);
 
     std::mutex mutex_;
     std::atomic<bool> isStarted_ = false;
     pid_t zygote_ = 0, owner_ = 0;  // the process that started it
     Descriptor socket_;             // to the zygote
-    std::vector<Worker> idle_;
+    std::vector<WorkerProcess> idle_;
 };
 
 struct SandboxResult::Loan {
-    Worker worker;
+    WorkerProcess worker;
 };
 
 SandboxResult::SandboxResult() = default;
@@ -195,7 +176,7 @@ bool SandboxResult::read(std::span<std::uint8_t> to) const {
     std::size_t done = 0;
     while (done < std::min(to.size(), size_)) {
         const ssize_t got =
-            ::pread(loan_->worker.memory.number(), to.data() + done, size_ - done, static_cast<off_t>(offset_ + done));
+            ::pread(loan_->worker.memory.get(), to.data() + done, size_ - done, static_cast<off_t>(offset_ + done));
         if (got < 0 && errno == EINTR) continue;
         if (got <= 0) return false;
         done += static_cast<std::size_t>(got);
@@ -230,7 +211,7 @@ Result<> SandboxPool::start() {
     const std::scoped_lock lock(mutex_);
     leaveThatOfParent();
     isStarted_ = true;
-    if (socket_.number() < 0)
+    if (socket_.get() < 0)
         if (auto started = startZygote(); !started) return started;
     if (sandbox::hasCallFilter()) return {};
     return fail("this system has no seccomp: files are decoded in a process of its own, which has this one's rights");
@@ -239,12 +220,12 @@ Result<> SandboxPool::start() {
 Result<sandbox::OrderAnswer> SandboxPool::order(const sandbox::Order& order, int socket, int memory) {
     const std::scoped_lock lock(mutex_);
     for (bool isSecond = false;; isSecond = true) {
-        if (socket_.number() < 0)
+        if (socket_.get() < 0)
             if (const auto started = startZygote(); !started) return std::unexpected(started.error());
         sandbox::OrderAnswer answer;
         ssize_t got = -1;
-        if (sendOrder(socket_.number(), order, socket, memory)) do {
-                got = ::recv(socket_.number(), &answer, sizeof(answer), 0);
+        if (sendOrder(socket_.get(), order, socket, memory)) do {
+                got = ::recv(socket_.get(), &answer, sizeof(answer), 0);
             } while (got < 0 && errno == EINTR);
         if (got == static_cast<ssize_t>(sizeof(answer))) return answer;
         socket_.close();
@@ -252,39 +233,39 @@ Result<sandbox::OrderAnswer> SandboxPool::order(const sandbox::Order& order, int
     }
 }
 
-Result<Worker> SandboxPool::create(const SandboxTask& task, const SandboxLimits& limits) {
+Result<WorkerProcess> SandboxPool::create(const SandboxTask& task, const SandboxLimits& limits) {
     int ends[2];
     if (::socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends) != 0)
         return fail(std::string("no sockets for the sandbox: ") + std::strerror(errno));
-    Worker worker;
+    WorkerProcess worker;
     worker.task = &task;
     worker.owner = ::getpid();
     worker.socket = Descriptor(ends[0]);
     const Descriptor there(ends[1]);
     worker.memory = Descriptor(::memfd_create("rtsg", MFD_CLOEXEC));
-    if (worker.memory.number() < 0) return fail(std::string("no memory for the sandbox: ") + std::strerror(errno));
+    if (worker.memory.get() < 0) return fail(std::string("no memory for the sandbox: ") + std::strerror(errno));
     sandbox::Order wanted;
     wanted.task = task;
     wanted.library = sandbox::libraryOf(reinterpret_cast<const void*>(task.serve));
     wanted.bytes = freeSpace(limits), wanted.seconds = secondsOf(limits);
-    const auto created = order(wanted, there.number(), worker.memory.number());
+    const auto created = order(wanted, there.get(), worker.memory.get());
     if (!created) return std::unexpected(created.error());
     if (created->problem < 0) return fail(std::string("the sandbox began before ") + task.name + " were loaded");
     if (created->pid == 0) return fail(std::string("no process in the sandbox: ") + std::strerror(created->problem));
     worker.pid = created->pid;
-    setWait(worker.socket.number(), 4 * std::chrono::seconds(limits.seconds));
+    setWait(worker.socket.get(), 4 * std::chrono::seconds(limits.seconds));
     return worker;
 }
 
-Result<Worker> SandboxPool::lend(const SandboxTask& task, const SandboxLimits& limits) {
+Result<WorkerProcess> SandboxPool::lend(const SandboxTask& task, const SandboxLimits& limits) {
     {
         const std::scoped_lock lock(mutex_);
         leaveThatOfParent();
         // The one that waits for the shortest time, whose memory is at hand.
         const auto found =
-            std::find_if(idle_.rbegin(), idle_.rend(), [&](const Worker& one) { return one.task == &task; });
+            std::find_if(idle_.rbegin(), idle_.rend(), [&](const WorkerProcess& one) { return one.task == &task; });
         if (found != idle_.rend()) {
-            Worker worker = std::move(*found);
+            WorkerProcess worker = std::move(*found);
             idle_.erase(std::next(found).base());
             return worker;
         }
@@ -293,7 +274,7 @@ Result<Worker> SandboxPool::lend(const SandboxTask& task, const SandboxLimits& l
     if (!created) return created;
     const auto packet = std::make_unique<Packet>();
     // Its own end of the sockets is open in the worker alone by now.
-    const Arrival arrival = sandbox::receive(created->socket.number(), *packet);
+    const Arrival arrival = sandbox::receive(created->socket.get(), *packet);
     if (arrival == Arrival::packet && packet->word == Word::ready) {
         created->space = packet->number;
         return created;
@@ -304,7 +285,7 @@ Result<Worker> SandboxPool::lend(const SandboxTask& task, const SandboxLimits& l
                             : why);
 }
 
-int SandboxPool::end(Worker worker) {
+int SandboxPool::end(WorkerProcess worker) {
     if (worker.owner != ::getpid()) return 0;
     sandbox::Order wanted;
     wanted.ends = 1, wanted.pid = worker.pid;
@@ -313,13 +294,13 @@ int SandboxPool::end(Worker worker) {
     return ended ? ended->status : 0;
 }
 
-void SandboxPool::giveBack(Worker worker) {
+void SandboxPool::giveBack(WorkerProcess worker) {
     constexpr std::size_t kWaiting = 4;  // of a kind
     worker.hasServed = true;
-    if (worker.size > kKeptBytes && ::ftruncate(worker.memory.number(), kKeptBytes) == 0) worker.size = kKeptBytes;
+    if (worker.size > kKeptBytes && ::ftruncate(worker.memory.get(), kKeptBytes) == 0) worker.size = kKeptBytes;
     if (!worker.isLast && worker.owner == ::getpid()) {
         const std::scoped_lock lock(mutex_);
-        if (std::ranges::count(idle_, worker.task, &Worker::task) < static_cast<std::ptrdiff_t>(kWaiting)) {
+        if (std::ranges::count(idle_, worker.task, &WorkerProcess::task) < static_cast<std::ptrdiff_t>(kWaiting)) {
             idle_.push_back(std::move(worker));
             return;
         }
@@ -327,10 +308,10 @@ void SandboxPool::giveBack(Worker worker) {
     end(std::move(worker));
 }
 
-std::expected<SandboxResult, SandboxPool::Failure> SandboxPool::talk(Worker& worker, std::uint64_t begin,
+std::expected<SandboxResult, SandboxPool::Failure> SandboxPool::talk(WorkerProcess& worker, std::uint64_t begin,
                                                                      const SandboxAnswers& answers,
                                                                      const SandboxLimits& limits) {
-    const int socket = worker.socket.number();
+    const int socket = worker.socket.get();
     const auto wait = 4 * std::chrono::seconds(limits.seconds);
     const auto end = SandboxClock::now() + wait;
     const auto packet = std::make_unique_for_overwrite<Packet>();
@@ -349,7 +330,7 @@ std::expected<SandboxResult, SandboxPool::Failure> SandboxPool::talk(Worker& wor
                 const std::uint64_t wanted = packet->size;
                 const bool may = wanted >= begin && wanted - begin <= limits.bytes && wanted > worker.size &&
                                  mayHold(wanted - worker.size).has_value() &&
-                                 ::ftruncate(worker.memory.number(), static_cast<off_t>(wanted)) == 0;
+                                 ::ftruncate(worker.memory.get(), static_cast<off_t>(wanted)) == 0;
                 if (may) worker.size = wanted;
                 if (!sandbox::send(socket, Word::granted, 0, worker.size, {}))
                     return std::unexpected(Failure{{}, true});
@@ -375,12 +356,12 @@ std::expected<SandboxResult, SandboxPool::Failure> SandboxPool::talk(Worker& wor
     }
 }
 
-std::expected<SandboxResult, SandboxPool::Failure> SandboxPool::runIn(Worker worker, std::string_view head,
+std::expected<SandboxResult, SandboxPool::Failure> SandboxPool::runIn(WorkerProcess worker, std::string_view head,
                                                                       std::span<const std::uint8_t> bytes,
                                                                       const SandboxAnswers& answers,
                                                                       const SandboxLimits& limits) {
     const std::uint64_t wanted = (bytes.size() + kSharedPage - 1) / kSharedPage * kSharedPage + kFreeBytes;
-    const int memory = worker.memory.number();
+    const int memory = worker.memory.get();
     if (wanted > worker.size) {
         if (::ftruncate(memory, static_cast<off_t>(wanted)) != 0)
             return std::unexpected(Failure{std::string("no memory for the sandbox: ") + std::strerror(errno), false});
@@ -396,14 +377,14 @@ std::expected<SandboxResult, SandboxPool::Failure> SandboxPool::runIn(Worker wor
     setMemory(worker, limits);
     const std::uint64_t begin = (bytes.size() + kSharedPage - 1) / kSharedPage * kSharedPage;
     const bool isReused = worker.hasServed;
-    if (!sandbox::send(worker.socket.number(), Word::job, bytes.size(), worker.size, head))
+    if (!sandbox::send(worker.socket.get(), Word::job, bytes.size(), worker.size, head))
         return std::unexpected(Failure{endedBy(end(std::move(worker))), isReused});
     auto result = finish(std::move(worker), begin, answers, limits);
     if (!result) result.error().isOfWorker = result.error().isOfWorker && isReused;
     return result;
 }
 
-std::expected<SandboxResult, SandboxPool::Failure> SandboxPool::finish(Worker worker, std::uint64_t begin,
+std::expected<SandboxResult, SandboxPool::Failure> SandboxPool::finish(WorkerProcess worker, std::uint64_t begin,
                                                                        const SandboxAnswers& answers,
                                                                        const SandboxLimits& limits) {
     auto result = talk(worker, begin, answers, limits);
@@ -426,11 +407,11 @@ Result<SandboxResult> SandboxPool::resume(SandboxResult paused, std::string_view
     if (said.size() > kMaxSandboxText) return fail("it has more parts than may be asked for at once");
     if (!paused.isPaused_ || !paused.loan_ || paused.loan_->worker.owner != ::getpid())
         return fail("the sandbox has ended");
-    Worker worker = std::move(paused.loan_->worker);
+    WorkerProcess worker = std::move(paused.loan_->worker);
     paused.loan_.reset();
     setMemory(worker, limits);
     setTime(worker, limits);
-    if (!sandbox::send(worker.socket.number(), Word::answer, 0, 0, said)) return fail(endedBy(end(std::move(worker))));
+    if (!sandbox::send(worker.socket.get(), Word::answer, 0, 0, said)) return fail(endedBy(end(std::move(worker))));
     auto result = finish(std::move(worker), paused.offset_, answers, limits);
     if (result) return std::move(*result);
     return fail(std::move(result.error().text));

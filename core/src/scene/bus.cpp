@@ -5,20 +5,16 @@
 
 #include <algorithm>
 #include <atomic>
-#include <condition_variable>
 #include <cstdio>
-#include <deque>
 #include <exception>
 #include <mutex>
-#include <system_error>
-#include <thread>
 #include <vector>
 
 #include <fmt/format.h>
-#include <pthread.h>
 
 #include <rtsg/core/change_composer.h>
 #include <rtsg/core/scene.h>
+#include <rtsg/core/worker.h>
 
 namespace rtsg {
 
@@ -261,56 +257,6 @@ struct Attachment::Cursor {
     }
 };
 
-namespace {
-
-/// A thread that merges sets for cursors that are not polled, so that it costs the scene nothing. Started for the first
-/// one.
-class Merger {
-  public:
-    ~Merger() {
-        if (!thread_.joinable()) return;
-        {
-            const std::scoped_lock lock(mutex_);
-            stop_ = true;
-        }
-        wake_.notify_one();
-        thread_.join();
-    }
-    void push(std::shared_ptr<Attachment::Cursor> cursor) {
-        const std::scoped_lock lock(mutex_);
-        cursors_.push_back(std::move(cursor));
-        if (!thread_.joinable()) try {
-                thread_ = std::thread([this] { run(); });
-            } catch (const std::system_error&) {
-                return;  // the scene's thread merges then
-            }
-        wake_.notify_one();
-    }
-
-  private:
-    void run() {
-        ::pthread_setname_np(::pthread_self(), "rtsg merger");
-        std::unique_lock lock(mutex_);
-        for (;;) {
-            wake_.wait(lock, [this] { return stop_ || !cursors_.empty(); });
-            if (stop_) return;
-            const std::shared_ptr<Attachment::Cursor> cursor = std::move(cursors_.front());
-            cursors_.pop_front();
-            lock.unlock();
-            while (!stop_ && cursor->mergeOldest()) continue;
-            lock.lock();
-        }
-    }
-
-    std::mutex mutex_;
-    std::condition_variable wake_;
-    std::deque<std::shared_ptr<Attachment::Cursor>> cursors_;
-    std::atomic<bool> stop_{false};
-    std::thread thread_;
-};
-
-}  // namespace
-
 struct Bus::State {
     Scene* scene = nullptr;
     std::vector<std::shared_ptr<Attachment::Cursor>> cursors;
@@ -320,7 +266,8 @@ struct Bus::State {
     std::size_t handedOut = 0;  // since the outermost publish began
     std::size_t restarts = 0;
     std::size_t joining = 0;  // cursors that wait for their snapshot
-    Merger merger;
+    /// Merges sets for cursors that are not polled, so that it costs the scene nothing.
+    Worker merger{"rtsg merger"};
 
     bool give(const std::shared_ptr<Attachment::Cursor>& cursor, const std::shared_ptr<const ChangeSet>& set);
     bool join(Attachment::Cursor& cursor);
@@ -354,7 +301,10 @@ bool Bus::State::give(const std::shared_ptr<Attachment::Cursor>& to, const std::
         }
     }
     if (cursor.delivery == Delivery::immediate) return cursor.deliver(*set);
-    if (wake) merger.push(to);
+    if (wake)
+        merger.start([this, to] {
+            while (!merger.stops() && to->mergeOldest()) continue;
+        });
     if (behind > kMax) cursor.mergeOldest();
     return true;
 }

@@ -12,6 +12,7 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/descriptor.h>
 #include <rtsg/core/memory.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/core/url_fetcher.h>
@@ -70,17 +71,6 @@ const char* kindOf(mode_t mode) {
     if (S_ISSOCK(mode)) return "a socket";
     return "something else";
 }
-
-/// Closes the descriptor at the end.
-struct Descriptor {
-    int number = -1;
-    explicit Descriptor(int opened) : number(opened) {}
-    ~Descriptor() {
-        if (number >= 0) ::close(number);
-    }
-    Descriptor(const Descriptor&) = delete;
-    Descriptor& operator=(const Descriptor&) = delete;
-};
 
 std::string hiddenText(const Node& node, std::string_view name) {
     const FieldIndex field = node.type().findExact(name);
@@ -303,14 +293,14 @@ Result<Resource> Resources::open(const std::filesystem::path& from, std::string_
 
     // First without opening it in earnest: a device acts, and a pipe waits, when it is opened.
     const Descriptor descriptor(::open(full->c_str(), O_PATH | O_CLOEXEC));
-    if (descriptor.number < 0) {
+    if (!descriptor) {
         if (errno == ENOENT || errno == ENOTDIR)
             return fail(fmt::format("'{}' is not there (looked for {})", shown, full->string()));
         return fail(fmt::format("'{}' cannot be opened: {}", shown, std::strerror(errno)));
     }
     struct stat status{};
-    if (fstat(descriptor.number, &status) != 0) return fail(fmt::format("'{}': {}", shown, std::strerror(errno)));
-    const std::string handle = fmt::format("/proc/self/fd/{}", descriptor.number);
+    if (fstat(descriptor.get(), &status) != 0) return fail(fmt::format("'{}': {}", shown, std::strerror(errno)));
+    const std::string handle = fmt::format("/proc/self/fd/{}", descriptor.get());
     std::error_code problem;
     resource.path_ = std::filesystem::read_symlink(handle, problem);
     if (problem) return fail(fmt::format("'{}' is not opened: without /proc it is not known where it is", shown));

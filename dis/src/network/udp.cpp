@@ -17,28 +17,12 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/descriptor.h>
 #include <rtsg/dis/dis_transport.h>
 
 namespace rtsg {
 
 namespace {
-
-class Descriptor {
-  public:
-    explicit Descriptor(int number = -1) : number_(number) {}
-    Descriptor(Descriptor&& other) noexcept : number_(std::exchange(other.number_, -1)) {}
-    Descriptor& operator=(Descriptor&& other) noexcept {
-        std::swap(number_, other.number_);
-        return *this;
-    }
-    ~Descriptor() {
-        if (number_ >= 0) close(number_);
-    }
-    int get() const { return number_; }
-
-  private:
-    int number_;
-};
 
 struct SocketAddress {
     sockaddr_storage storage{};

@@ -1,9 +1,8 @@
 // Splits the input of a source into lines, reads these, and makes senders wait, or drops lines, when too many wait.
 #include "inlet.h"
 
-#include <sys/eventfd.h>
-
 #include <chrono>
+#include <exception>
 #include <utility>
 
 #include <fmt/format.h>
@@ -11,28 +10,25 @@
 namespace rtsg::feeds {
 
 Inlet::Inlet(Endpoint endpoint, std::unique_ptr<LineSource> source, int call)
-    : endpoint_(std::move(endpoint)),
-      source_(std::move(source)),
-      call_(call),
-      stop_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)),
-      faults_(endpoint_.text),
-      thread_([this] {
-          source_->read(*this, stop_.get());
-          {
-              const std::scoped_lock lock(mutex_);
-              ended_ = true;
-          }
-          changed_.notify_all();
-      }) {}
-
-Inlet::~Inlet() {
-    {
-        const std::scoped_lock lock(mutex_);
-        stopping_ = true;
-    }
-    changed_.notify_all();
-    ::eventfd_write(stop_.get(), 1);
-    thread_.join();
+    : endpoint_(std::move(endpoint)), source_(std::move(source)), call_(call), faults_(endpoint_.text) {
+    worker_.run(
+        [this] {
+            try {
+                source_->read(*this, stop_.get());
+            } catch (const std::exception& e) {
+                broke(fmt::format("reading ended: {}", e.what()));
+            }
+            {
+                const std::scoped_lock lock(mutex_);
+                ended_ = true;
+            }
+            changed_.notify_all();
+        },
+        [this] {
+            const std::scoped_lock lock(mutex_);
+            changed_.notify_all();
+            stop_.raise();
+        });
 }
 
 std::optional<NumberedLine> Inlet::take(bool patience, const std::function<bool()>& cancelled) {
@@ -52,8 +48,7 @@ bool Inlet::came(std::uint64_t stream, std::string_view bytes, bool mayWait) {
     mayWait_ = mayWait;
     Stream& one = streams_[stream];
     one.splitter.add(bytes, [&](std::string_view text, bool tooLong) { read(one, text, tooLong); });
-    const std::scoped_lock lock(mutex_);
-    return !stopping_;
+    return !worker_.stops();
 }
 
 void Inlet::paused(std::uint64_t stream, bool over) {
@@ -83,8 +78,8 @@ void Inlet::push(NumberedLine line) {
     };
     {
         std::unique_lock lock(mutex_);
-        if (mayWait_) changed_.wait(lock, [&] { return stopping_ || !isFull(); });
-        if (stopping_) return;
+        if (mayWait_) changed_.wait(lock, [&] { return worker_.stops() || !isFull(); });
+        if (worker_.stops()) return;
         if (isFull()) {
             ++flooded_;
             return;

@@ -13,9 +13,10 @@
 #include <mutex>
 #include <optional>
 #include <string>
-#include <thread>
 #include <vector>
 
+#include <rtsg/core/descriptor.h>
+#include <rtsg/core/worker.h>
 #include <rtsg/feeds/feed.h>
 
 #include "faults.h"
@@ -34,9 +35,6 @@ class Inlet final : private LineTaker {
   public:
     /// `waits`: lines of the source wait for the scene, so none is left out.
     Inlet(Endpoint endpoint, std::unique_ptr<LineSource> source, int call);
-    ~Inlet() override;
-    Inlet(const Inlet&) = delete;
-    Inlet& operator=(const Inlet&) = delete;
 
     /// The next line. With `patience`, waits for it until the source ends or `cancelled`.
     std::optional<NumberedLine> take(bool patience, const std::function<bool()>& cancelled);
@@ -71,7 +69,7 @@ class Inlet final : private LineTaker {
     Endpoint endpoint_;
     std::unique_ptr<LineSource> source_;
     const int call_;
-    Descriptor stop_;
+    Wakeup stop_;
     Faults faults_;
     std::map<std::uint64_t, Stream> streams_;  // the reading thread's
     bool mayWait_ = false;                     // the reading thread's
@@ -82,8 +80,8 @@ class Inlet final : private LineTaker {
     std::condition_variable changed_;
     std::deque<NumberedLine> waiting_;
     std::size_t bytes_ = 0;
-    bool ended_ = false, stopping_ = false;
-    std::thread thread_;  // last: it uses all the rest
+    bool ended_ = false;
+    Worker worker_{"rtsg feed"};  // last: it uses all the rest
 };
 
 }  // namespace rtsg::feeds

@@ -5,13 +5,12 @@
 
 #include <netinet/in.h>
 #include <sys/socket.h>
-#include <unistd.h>
 
 #include <cstdint>
 #include <string>
 #include <string_view>
-#include <utility>
 
+#include <rtsg/core/descriptor.h>
 #include <rtsg/core/diagnostic.h>
 
 namespace rtsg::feeds {
@@ -28,23 +27,6 @@ struct Endpoint {
     /// "9100" on loopback, or "HOST:9100", for connections.
     static Result<Endpoint> ofPort(const std::string& text);
     bool isSocket() const { return kind != Kind::standard && kind != Kind::file; }
-};
-
-class Descriptor {
-  public:
-    explicit Descriptor(int number = -1) : number_(number) {}
-    Descriptor(Descriptor&& other) noexcept : number_(std::exchange(other.number_, -1)) {}
-    Descriptor& operator=(Descriptor&& other) noexcept {
-        std::swap(number_, other.number_);
-        return *this;
-    }
-    ~Descriptor() {
-        if (number_ > STDERR_FILENO) ::close(number_);
-    }
-    int get() const { return number_; }
-
-  private:
-    int number_;
 };
 
 struct SocketAddress {

@@ -4,7 +4,6 @@
 #include <fcntl.h>
 #include <netinet/tcp.h>
 #include <poll.h>
-#include <sys/eventfd.h>
 #include <sys/stat.h>
 
 #include <algorithm>
@@ -14,11 +13,13 @@
 #include <condition_variable>
 #include <cstring>
 #include <deque>
+#include <exception>
 #include <mutex>
-#include <thread>
 #include <vector>
 
 #include <fmt/format.h>
+
+#include <rtsg/core/worker.h>
 
 #include "mqtt.h"
 
@@ -199,27 +200,24 @@ class TcpOutlet final : public Outlet {
 
 class ThreadedSink final : public LineSink {
   public:
-    ThreadedSink(std::unique_ptr<Outlet> outlet, bool waits)
-        : outlet_(std::move(outlet)),
-          waits_(waits),
-          wake_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)),
-          thread_([this] { run(); }) {}
-    ~ThreadedSink() override { end(); }
-    ThreadedSink(const ThreadedSink&) = delete;
-    ThreadedSink& operator=(const ThreadedSink&) = delete;
+    ThreadedSink(std::unique_ptr<Outlet> outlet, bool waits) : outlet_(std::move(outlet)), waits_(waits) {
+        worker_.run([this] { run(); }, [this] { wake_.raise(); });
+    }
 
-    void close() override { end(); }
+    void close() override { worker_.stop(); }
     void write(std::string line) override {
         {
             std::unique_lock lock(mutex_);
-            if (waits_) room_.wait(lock, [this] { return stop_ || !problem_.empty() || waiting_ < kMaxWaiting / 2; });
-            if (stop_ || !problem_.empty() || waiting_ + line.size() > kMaxWaiting) return void(++counts_.missed);
+            if (waits_)
+                room_.wait(lock, [this] { return worker_.stops() || !problem_.empty() || waiting_ < kMaxWaiting / 2; });
+            if (worker_.stops() || !problem_.empty() || waiting_ + line.size() > kMaxWaiting)
+                return void(++counts_.missed);
             waiting_ += line.size();
             ++counts_.lines;
             counts_.bytes += line.size() + 1;
             lines_.push_back(std::move(line));
         }
-        ::eventfd_write(wake_.get(), 1);
+        wake_.raise();
     }
     SinkCounts counts() const override {
         const std::scoped_lock lock(mutex_);
@@ -231,26 +229,25 @@ class ThreadedSink final : public LineSink {
     }
 
   private:
-    void end() {
-        if (!thread_.joinable()) return;
-        {
-            const std::scoped_lock lock(mutex_);
-            stop_ = true;
-        }
-        ::eventfd_write(wake_.get(), 1);
-        thread_.join();
-    }
     void run() {
+        try {
+            sendUntilStopped();
+        } catch (const std::exception& e) {
+            const std::scoped_lock lock(mutex_);
+            problem_ = fmt::format("sending ended: {}", e.what());
+        }
+        room_.notify_one();
+    }
+    void sendUntilStopped() {
         std::vector<pollfd> items;
         std::chrono::steady_clock::time_point end{};
         for (bool stopping = false; !(stopping && (!outlet_->waits() || std::chrono::steady_clock::now() >= end));) {
             items.assign({{wake_.get(), POLLIN, 0}});
             outlet_->addTo(items);
             if (::poll(items.data(), items.size(), stopping ? 20 : -1) < 0) continue;
-            eventfd_t ignored = 0;
-            (void)::eventfd_read(wake_.get(), &ignored);
+            wake_.clear();
             // Before the lines are taken: none comes after the end is asked for.
-            if (isToStop() && !std::exchange(stopping, true)) end = std::chrono::steady_clock::now() + kFarewell;
+            if (worker_.stops() && !std::exchange(stopping, true)) end = std::chrono::steady_clock::now() + kFarewell;
             sendAll();
             outlet_->poll();
             const std::scoped_lock lock(mutex_);
@@ -259,10 +256,6 @@ class ThreadedSink final : public LineSink {
         }
         const std::scoped_lock lock(mutex_);
         counts_.missed += outlet_->lost(true);
-    }
-    bool isToStop() const {
-        const std::scoped_lock lock(mutex_);
-        return stop_;
     }
     void sendAll() {
         std::deque<std::string> lines;
@@ -283,23 +276,23 @@ class ThreadedSink final : public LineSink {
 
     std::unique_ptr<Outlet> outlet_;
     const bool waits_;
-    Descriptor wake_;
+    Wakeup wake_;
     mutable std::mutex mutex_;
     std::condition_variable room_;
     std::deque<std::string> lines_;
     std::size_t waiting_ = 0;  // bytes of lines_
     SinkCounts counts_;
     std::string problem_;
-    bool stop_ = false;
-    std::thread thread_;  // last: it uses all the rest
+    Worker worker_{"rtsg sink"};  // last: it uses all the rest
 };
 
 Result<std::unique_ptr<Outlet>> outletAt(Endpoint& endpoint, bool insecure) {
     using Kind = Endpoint::Kind;
-    if (endpoint.kind == Kind::standard) return std::make_unique<FileOutlet>(Descriptor(STDOUT_FILENO));
-    if (endpoint.kind == Kind::file) {
-        Descriptor file(::open(endpoint.text.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0666));
-        if (file.get() < 0) return fail(systemError("write", endpoint));
+    if (!endpoint.isSocket()) {
+        Descriptor file(endpoint.kind == Kind::standard
+                            ? ::fcntl(STDOUT_FILENO, F_DUPFD_CLOEXEC, 0)
+                            : ::open(endpoint.text.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0666));
+        if (!file) return fail(systemError("write", endpoint));
         return std::make_unique<FileOutlet>(std::move(file));
     }
     if (endpoint.kind == Kind::mqtt) {

@@ -252,15 +252,16 @@ class MqttSource final : public LineSource {
 
 Result<std::unique_ptr<LineSource>> LineSource::open(Endpoint& endpoint, bool insecure) {
     using Kind = Endpoint::Kind;
-    if (endpoint.kind == Kind::standard) return std::make_unique<FileSource>(Descriptor(STDIN_FILENO));
-    if (endpoint.kind == Kind::file) {
-        Descriptor file(::open(endpoint.text.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
+    if (!endpoint.isSocket()) {
+        Descriptor file(endpoint.kind == Kind::standard
+                            ? ::fcntl(STDIN_FILENO, F_DUPFD_CLOEXEC, 0)
+                            : ::open(endpoint.text.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
         struct stat status{};
-        if (file.get() >= 0 && ::fstat(file.get(), &status) == 0 && S_ISDIR(status.st_mode)) {
+        if (file && ::fstat(file.get(), &status) == 0 && S_ISDIR(status.st_mode)) {
             errno = EISDIR;
             return fail(systemError("read", endpoint));
         }
-        if (file.get() < 0) return fail(systemError("read", endpoint));
+        if (!file) return fail(systemError("read", endpoint));
         return std::make_unique<FileSource>(std::move(file));
     }
     if (endpoint.kind == Kind::mqtt) {

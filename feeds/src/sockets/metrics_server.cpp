@@ -2,7 +2,6 @@
 #include <rtsg/feeds/metrics_server.h>
 
 #include <poll.h>
-#include <sys/eventfd.h>
 
 #include <algorithm>
 #include <cerrno>
@@ -13,6 +12,8 @@
 #include <vector>
 
 #include <fmt/format.h>
+
+#include <rtsg/core/worker.h>
 
 #include "endpoint.h"
 #include "sockets/http_host.h"
@@ -64,7 +65,7 @@ std::string answerWith(std::string_view status, std::string_view body, bool head
 struct MetricsServer::State {
     /// One connection: it asks, then it is answered.
     struct Asking {
-        feeds::Descriptor socket;
+        Descriptor socket;
         SteadyClock::time_point end;
         std::string request, answer;
         std::size_t sent = 0;
@@ -77,19 +78,17 @@ struct MetricsServer::State {
     std::string answer(std::string_view request);
 
     bool isLoopback = true;
-    feeds::Descriptor socket, stop{::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)};
+    Descriptor socket;
+    Wakeup stop;
     std::string address;
     std::function<std::string()> text, trouble;
     std::vector<Asking> asking;
-    std::thread thread;
+    Worker worker{"rtsg metrics"};  // last: its job uses the others
 };
 
 MetricsServer::MetricsServer(std::unique_ptr<State> state) : state_(std::move(state)) {}
 
-MetricsServer::~MetricsServer() {
-    ::eventfd_write(state_->stop.get(), 1);
-    state_->thread.join();
-}
+MetricsServer::~MetricsServer() = default;
 
 const std::string& MetricsServer::address() const {
     return state_->address;
@@ -109,7 +108,7 @@ Result<std::unique_ptr<MetricsServer>> MetricsServer::start(const std::string& l
     state->address = endpoint->text.substr(endpoint->text.find("://") + 3);
     state->text = std::move(text);
     state->trouble = std::move(trouble);
-    state->thread = std::thread([s = state.get()] { s->run(); });
+    state->worker.run([s = state.get()] { s->run(); }, [s = state.get()] { s->stop.raise(); });
     return std::unique_ptr<MetricsServer>(new MetricsServer(std::move(state)));
 }
 
@@ -128,7 +127,7 @@ void MetricsServer::State::run() {
 }
 
 void MetricsServer::State::accept() {
-    feeds::Descriptor one(::accept4(socket.get(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
+    Descriptor one(::accept4(socket.get(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
     if (one.get() >= 0) {
         // Silence keeps nobody out: the oldest that has not asked yet makes room, or the oldest of all.
         if (asking.size() >= kMaxAsking) {
@@ -186,7 +185,7 @@ Result<std::string> fetchMetrics(const std::string& address) {
     if (!endpoint) return std::unexpected(endpoint.error());
     const auto at = feeds::findAddress(*endpoint);
     if (!at) return std::unexpected(at.error());
-    const feeds::Descriptor socket(::socket(at->storage.ss_family, SOCK_STREAM | SOCK_CLOEXEC, 0));
+    const Descriptor socket(::socket(at->storage.ss_family, SOCK_STREAM | SOCK_CLOEXEC, 0));
     const timeval patience = {std::chrono::seconds(kRequestTime).count(), 0};
     for (const int option : {SO_RCVTIMEO, SO_SNDTIMEO})
         (void)::setsockopt(socket.get(), SOL_SOCKET, option, &patience, sizeof(patience));

@@ -6,13 +6,15 @@
 #include <cmath>
 #include <cstring>
 #include <optional>
+#include <utility>
 
 #include <fcntl.h>
 #include <sys/socket.h>
 #include <sys/un.h>
-#include <unistd.h>
 
 #include <fmt/format.h>
+
+#include <rtsg/core/descriptor.h>
 
 namespace rtsg {
 
@@ -23,10 +25,7 @@ constexpr double kLongestTick = 0.1;  // seconds that a hand goes on at a speed
 
 class SpaceMouse final : public HapticDevice {
   public:
-    SpaceMouse(int socket, double speed) : socket_(socket), speed_(speed) {}
-    ~SpaceMouse() override { ::close(socket_); }
-    SpaceMouse(const SpaceMouse&) = delete;
-    SpaceMouse& operator=(const SpaceMouse&) = delete;
+    SpaceMouse(Descriptor socket, double speed) : socket_(std::move(socket)), speed_(speed) {}
 
     Result<Vec3d> position(double seconds) override {
         if (auto ok = take(); !ok) return std::unexpected(ok.error());
@@ -41,7 +40,7 @@ class SpaceMouse final : public HapticDevice {
     Result<> take() {
         for (int i = 0; i < 1000; ++i) {
             const ssize_t got =
-                ::recv(socket_, reinterpret_cast<char*>(packet_) + held_, sizeof(packet_) - held_, MSG_DONTWAIT);
+                ::recv(socket_.get(), reinterpret_cast<char*>(packet_) + held_, sizeof(packet_) - held_, MSG_DONTWAIT);
             if (got < 0 && (errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR)) return {};
             if (got <= 0) return fail("the 3D mouse's daemon has gone");
             held_ += static_cast<std::size_t>(got);
@@ -53,7 +52,7 @@ class SpaceMouse final : public HapticDevice {
         return {};
     }
 
-    const int socket_;
+    const Descriptor socket_;
     const double speed_;
     std::int32_t packet_[8] = {};
     std::size_t held_ = 0;  // bytes of a packet
@@ -68,14 +67,13 @@ Result<std::unique_ptr<HapticDevice>> spaceMouse(const std::string& socket, doub
     address.sun_family = AF_UNIX;
     if (socket.size() >= sizeof(address.sun_path)) return fail(fmt::format("{}: too long for a socket's name", socket));
     std::copy(socket.begin(), socket.end(), address.sun_path);
-    const int created = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
-    if (created < 0) return fail(fmt::format("no socket can be had: {}", std::strerror(errno)));
-    if (::connect(created, reinterpret_cast<const sockaddr*>(&address), sizeof(address)) != 0) {
+    Descriptor created(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
+    if (!created) return fail(fmt::format("no socket can be had: {}", std::strerror(errno)));
+    if (::connect(created.get(), reinterpret_cast<const sockaddr*>(&address), sizeof(address)) != 0) {
         const std::string why = std::strerror(errno);
-        ::close(created);
         return fail(fmt::format("{}: no 3D mouse: {} (is spacenavd running?)", socket, why));
     }
-    return std::unique_ptr<HapticDevice>(std::make_unique<SpaceMouse>(created, speed));
+    return std::unique_ptr<HapticDevice>(std::make_unique<SpaceMouse>(std::move(created), speed));
 }
 
 }  // namespace rtsg

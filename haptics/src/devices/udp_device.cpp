@@ -7,14 +7,16 @@
 #include <cmath>
 #include <cstring>
 #include <optional>
+#include <utility>
 
 #include <arpa/inet.h>
 #include <fcntl.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
-#include <unistd.h>
 
 #include <fmt/format.h>
+
+#include <rtsg/core/descriptor.h>
 
 namespace rtsg {
 
@@ -28,10 +30,7 @@ double monotonicSeconds() {
 
 class UdpDevice final : public HapticDevice {
   public:
-    UdpDevice(int socket, double patience) : socket_(socket), patience_(patience) {}
-    ~UdpDevice() override { ::close(socket_); }
-    UdpDevice(const UdpDevice&) = delete;
-    UdpDevice& operator=(const UdpDevice&) = delete;
+    UdpDevice(Descriptor socket, double patience) : socket_(std::move(socket)), patience_(patience) {}
 
     /// The last of those that have come; a thousand at most, so that a flood does not hold the tick.
     Result<Vec3d> position(double) override {
@@ -41,7 +40,7 @@ class UdpDevice final : public HapticDevice {
             sockaddr_in from{};
             socklen_t size = sizeof(from);
             const ssize_t got =
-                ::recvfrom(socket_, packet, sizeof(packet), 0, reinterpret_cast<sockaddr*>(&from), &size);
+                ::recvfrom(socket_.get(), packet, sizeof(packet), 0, reinterpret_cast<sockaddr*>(&from), &size);
             if (got < 0) break;
             if (got != sizeof(numbers)) {
                 ++odd_;
@@ -72,12 +71,12 @@ class UdpDevice final : public HapticDevice {
         if (!peer_) return;
         const double numbers[3] = {force.x, force.y, force.z};
         // A device that has gone hears nothing; it is missed by its datagrams.
-        (void)::sendto(socket_, numbers, sizeof(numbers), MSG_DONTWAIT, reinterpret_cast<const sockaddr*>(&*peer_),
-                       sizeof(*peer_));
+        (void)::sendto(socket_.get(), numbers, sizeof(numbers), MSG_DONTWAIT,
+                       reinterpret_cast<const sockaddr*>(&*peer_), sizeof(*peer_));
     }
 
   private:
-    const int socket_;
+    const Descriptor socket_;
     const double patience_;
     Vec3d at_{0};
     double heard_ = 0;
@@ -89,21 +88,20 @@ class UdpDevice final : public HapticDevice {
 }  // namespace
 
 Result<std::unique_ptr<HapticDevice>> udpDevice(std::uint16_t port, double patience, std::uint16_t* bound) {
-    const int created = ::socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
-    if (created < 0) return fail(fmt::format("no socket can be had: {}", std::strerror(errno)));
+    Descriptor created(::socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+    if (!created) return fail(fmt::format("no socket can be had: {}", std::strerror(errno)));
     sockaddr_in address{};
     address.sin_family = AF_INET;
     address.sin_port = htons(port);
     address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
     socklen_t size = sizeof(address);
-    if (::bind(created, reinterpret_cast<const sockaddr*>(&address), size) != 0 ||
-        ::getsockname(created, reinterpret_cast<sockaddr*>(&address), &size) != 0) {
+    if (::bind(created.get(), reinterpret_cast<const sockaddr*>(&address), size) != 0 ||
+        ::getsockname(created.get(), reinterpret_cast<sockaddr*>(&address), &size) != 0) {
         const std::string why = std::strerror(errno);
-        ::close(created);
         return fail(fmt::format("port {} of this machine cannot be had: {}", port, why));
     }
     if (bound) *bound = ntohs(address.sin_port);
-    return std::unique_ptr<HapticDevice>(std::make_unique<UdpDevice>(created, patience));
+    return std::unique_ptr<HapticDevice>(std::make_unique<UdpDevice>(std::move(created), patience));
 }
 
 }  // namespace rtsg

@@ -16,6 +16,7 @@
 #include <sched.h>
 #include <glm/geometric.hpp>
 
+#include <rtsg/core/worker.h>
 #include <rtsg/core/x3d.h>
 
 #include "contact/touch.h"
@@ -152,10 +153,8 @@ struct HapticRenderer::Impl {
     TickTimes times;
     HapticTick last, strongest;  // strongest: since the last events
     std::vector<HapticTick> kept;
-    std::atomic<bool> ends{false}, ended{true};
-    std::thread thread;
-
     haptics::TouchEvents events;
+    std::unique_ptr<Worker> worker;  // of the device; last: its job uses the others
 };
 
 HapticRenderer::HapticRenderer(SharedWorld& world, HapticOptions options)
@@ -262,7 +261,7 @@ void HapticRenderer::Impl::run() {
     const auto period = std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(1 / options.rate));
     const Clock::time_point start = Clock::now();
     Clock::time_point due = start;
-    while (!ends && !device->hasEnded()) {
+    while (!worker->stops() && !device->hasEnded()) {
         std::this_thread::sleep_until(due);
         const Clock::time_point now = Clock::now();
         if (now - due > period) {
@@ -283,29 +282,32 @@ void HapticRenderer::Impl::run() {
         const std::lock_guard lock(mutex);
         report.diagnostics.warning({}, warning);
     }
-    ended = true;
 }
 
 Result<> HapticRenderer::start(std::unique_ptr<HapticDevice> device) {
     if (!attached()) return fail("touch: it is not attached to a scene");
-    if (impl_->thread.joinable()) return fail("touch: a device is started already");
+    if (impl_->worker) return fail("touch: a device is started already");
     if (!device) return fail("touch: there is no device");
     world().rays();
     if (auto state = world().present(); !state) return std::unexpected(state.error());
     impl_->device = std::move(device);
-    impl_->ends = impl_->ended = false;
+    impl_->worker = std::make_unique<Worker>("rtsg touch");
     try {
-        impl_->thread = std::thread([this] { impl_->run(); });
+        impl_->worker->run([this] { impl_->run(); });
     } catch (const std::system_error& error) {
-        impl_->ended = true;
+        impl_->worker.reset();
         return fail(fmt::format("touch: no thread can be had: {}", error.what()));
     }
     return {};
 }
 
 HapticReport HapticRenderer::stop() {
-    impl_->ends = true;
-    if (impl_->thread.joinable()) impl_->thread.join();
+    if (impl_->worker) {
+        impl_->worker->stop();
+        const std::lock_guard lock(impl_->mutex);
+        if (const auto ok = impl_->worker->failure("touch ended"); !ok) impl_->report.diagnostics.add(ok.error());
+    }
+    impl_->worker.reset();
     impl_->device.reset();
     return report();
 }
@@ -326,7 +328,7 @@ HapticTick HapticRenderer::latest() const {
 }
 
 bool HapticRenderer::hasEnded() const {
-    return impl_->ended;
+    return !impl_->worker || impl_->worker->idle();
 }
 
 void HapticRenderer::sendEvents() {

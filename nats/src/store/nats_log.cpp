@@ -7,14 +7,14 @@
 #include <cstring>
 #include <mutex>
 #include <optional>
-#include <thread>
 
 #include <fcntl.h>
 #include <fmt/format.h>
-#include <pthread.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <rtsg/core/descriptor.h>
+#include <rtsg/core/worker.h>
 #include <rtsg/sync/byte_buffer.h>
 #include <rtsg/sync/log.h>
 #include <rtsg/sync/record.h>
@@ -99,18 +99,13 @@ std::uint64_t intactEnd(const std::filesystem::path& file) {
 class GrowingLog {
   public:
     GrowingLog(std::filesystem::path file, std::uint64_t offset) : file_(std::move(file)), offset_(offset) {}
-    ~GrowingLog() {
-        if (descriptor_ >= 0) ::close(descriptor_);
-    }
-    GrowingLog(const GrowingLog&) = delete;
-    GrowingLog& operator=(const GrowingLog&) = delete;
 
     /// False if there is none yet.
     bool next(ByteBuffer& record) {
         // A writer may put a new file in this place until it has written something.
-        if (descriptor_ >= 0 && offset_ == 0) ::close(std::exchange(descriptor_, -1));
-        if (descriptor_ < 0) descriptor_ = ::open(file_.c_str(), O_RDONLY | O_CLOEXEC);
-        if (descriptor_ < 0 || !read(record, kRecordHeaderSize)) return false;
+        if (offset_ == 0) descriptor_.close();
+        if (!descriptor_) descriptor_ = Descriptor(::open(file_.c_str(), O_RDONLY | O_CLOEXEC));
+        if (!descriptor_ || !read(record, kRecordHeaderSize)) return false;
         const auto header = parseRecordHeader(record.bytes(), offset_);
         if (!header || !read(record, header->size()) || !checkRecord(record.bytes(), offset_)) return false;
         offset_ += header->size();
@@ -126,7 +121,7 @@ class GrowingLog {
   private:
     bool read(ByteBuffer& into, std::uint64_t length) {
         into.clear();
-        const ssize_t count = ::pread(descriptor_, into.room(length), length, static_cast<off_t>(offset_));
+        const ssize_t count = ::pread(descriptor_.get(), into.room(length), length, static_cast<off_t>(offset_));
         if (count != static_cast<ssize_t>(length)) return false;
         into.advance(length);
         return true;
@@ -134,7 +129,7 @@ class GrowingLog {
 
     const std::filesystem::path file_;
     std::uint64_t offset_;
-    int descriptor_ = -1;
+    Descriptor descriptor_;
 };
 
 }  // namespace
@@ -150,18 +145,9 @@ class NatsLog::Impl {
           missing_(there.missing),
           storedBytes_(there.bytes),
           lastSequence_(there.last),
-          replaces_(replaces),
-          thread_([this] { run(); }) {}
-    ~Impl() {
-        {
-            const std::scoped_lock lock(mutex_);
-            stop_ = true;
-        }
-        changed_.notify_all();
-        thread_.join();
+          replaces_(replaces) {
+        worker_.run([this] { run(); });
     }
-    Impl(const Impl&) = delete;
-    Impl& operator=(const Impl&) = delete;
 
     const std::string& address() const { return address_.shown; }
     const Missing& missing() const { return missing_; }
@@ -199,14 +185,13 @@ class NatsLog::Impl {
     mutable std::mutex mutex_;  // guards the members below
     std::condition_variable changed_;
     std::string failure_;
-    bool stop_ = false, ended_ = false;
+    bool ended_ = false;
     bool idle_ = false;  // all records that were in the file when it was last looked at are stored
     std::uint64_t looks_ = 0;
-    std::thread thread_;  // last: it uses the others
+    Worker worker_{"rtsg store"};  // last: it uses the others
 };
 
 void NatsLog::Impl::run() {
-    ::pthread_setname_np(::pthread_self(), "rtsg store");
     ByteBuffer record;
     try {
         while (true) {
@@ -228,9 +213,9 @@ void NatsLog::Impl::run() {
 }
 
 bool NatsLog::Impl::pause(std::chrono::milliseconds maximum) {
-    std::unique_lock lock(mutex_);
-    changed_.wait_for(lock, maximum, [this] { return stop_; });
-    return !stop_ && !ended_;
+    if (!worker_.pause(maximum)) return false;
+    const std::scoped_lock lock(mutex_);
+    return !ended_;
 }
 
 /// Tries until the stream is empty, as storePiece() does.

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 #include <chrono>
-#include <exception>
+#include <thread>
 
 #include <fmt/format.h>
 
@@ -11,26 +11,13 @@
 
 namespace rtsg {
 
-OutputsBehind::OutputsBehind(const Scene& scene, OutputOptions arguments, Resources resources)
-    : arguments_(std::move(arguments)), resources_(std::move(resources)) {
-    (void)queue_.add(scene.snapshot());
-    thread_ = std::thread([this] { run(); });
+OutputsBehind::OutputsBehind(const Scene& scene, const OutputOptions& arguments, const Resources& resources)
+    : QueuedOutputs(scene, arguments, resources) {
+    start([this] { queue_.close(); });
 }
 
 OutputsBehind::~OutputsBehind() {
-    abandoned_ = true;
-    queue_.close();
-    if (thread_.joinable()) thread_.join();
-}
-
-void OutputsBehind::run() {
-    try {
-        result_ = follow();
-    } catch (const std::exception& e) {
-        result_ = fail(fmt::format("pictures and sound ended: {}", e.what()));
-    }
-    if (!result_) failed_ = true;
-    ended_ = true;
+    worker_.stop();
 }
 
 Result<> OutputsBehind::follow() {
@@ -39,7 +26,7 @@ Result<> OutputsBehind::follow() {
     reportFailuresAtTheEnd(copy);  // finish() tells the reason
     copy.setBehavioursEnabled(false);
     for (;;) {
-        if (abandoned_) return {};
+        if (worker_.stops()) return {};
         auto set = std::make_shared<ChangeSet>();
         const auto taken = queue_.take(*set, std::chrono::seconds(1));
         if (!taken) return std::unexpected(taken.error());
@@ -48,11 +35,7 @@ Result<> OutputsBehind::follow() {
         // The previous time is complete when a set of a later time comes. Inlines that it loaded came as sets of their
         // own.
         if (outputs_ && set->time != copy.now() && !outputs_->frame()) break;  // finish() tells the reason
-        if (set->isSnapshot() && copy.sequence() != 0)
-            if (auto ok = copy.reset(); !ok) return ok;
-        const Hash128 origin = set->hash;
-        if (auto ok = copy.apply(set); !ok) return ok;
-        if (copy.hash() != origin) return fail(fmt::format("the copy differs in state {}", copy.sequence()));
+        if (auto ok = applyTo(copy, set); !ok) return ok;
         if (!outputs_) {
             world_ = std::make_unique<WorldOnDemand>(copy, resources_, arguments_.context);
             auto attached = Outputs::attach(*world_, arguments_, resources_);
@@ -71,13 +54,12 @@ Result<> OutputsBehind::finish() {
     queue_.close();
     const std::uint64_t waiting = queue_.waiting();
     const auto progress = waiting > 0 ? arguments_.context.progress("making what is still to be made") : nullptr;
-    while (!ended_) {
+    while (!worker_.idle()) {
         if (progress) progress(waiting - std::min(waiting, queue_.waiting()), waiting + 1);
         std::this_thread::sleep_for(std::chrono::milliseconds(20));
     }
     if (progress) progress(1, 1);
-    if (thread_.joinable()) thread_.join();
-    return result_;
+    return ended();
 }
 
 OutputReport OutputsBehind::report() const {

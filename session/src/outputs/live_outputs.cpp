@@ -4,13 +4,10 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <exception>
 
 #include <fmt/format.h>
 
 #include <rtsg/renderers/denoise.h>
-
-#include "outputs/outputs.h"
 
 namespace rtsg {
 
@@ -23,11 +20,9 @@ constexpr milliseconds kNoNews{1000};  // between looks at a world whose scene r
 }  // namespace
 
 LiveOutputs::LiveOutputs(WorldOnDemand& world, const OutputOptions& arguments)
-    : scene_(world.scene()),
-      arguments_(arguments),
+    : WorldOutputs(world, arguments),
       world_(world.get()),
       preview_(1 / arguments_.toneMap.exposure),
-      files_(pictureFiles(arguments_)),
       soundAt_(scene_.now()),
       time_(scene_.now()),
       starts_{scene_.now()},
@@ -36,8 +31,7 @@ LiveOutputs::LiveOutputs(WorldOnDemand& world, const OutputOptions& arguments)
 
 Result<std::unique_ptr<LiveOutputs>> LiveOutputs::attach(WorldOnDemand& world, const OutputOptions& arguments,
                                                          const Resources& resources) {
-    if (auto ok = checkUnused(world.scene(), resources, arguments.names()); !ok) return std::unexpected(ok.error());
-    if (auto ok = world.cut(arguments.tessellation); !ok) return std::unexpected(ok.error());
+    if (auto ok = check(world, arguments, resources); !ok) return std::unexpected(ok.error());
     std::unique_ptr<LiveOutputs> outputs(new LiveOutputs(world, arguments));
     if (auto ok = outputs->start(resources); !ok) return std::unexpected(ok.error());
     return outputs;
@@ -51,42 +45,32 @@ Result<> LiveOutputs::start(const Resources& resources) {
             image.settings.samplesPerPixel = (image.settings.samplesPerPixel + 1) / 2;  // of each half
         }
         image.refine = true;
-        image.settings.progress = [this](double) {
-            return !abandoned_ && (afterInterruption_ || !arguments_.context.interrupted());
-        };
-        light_ = std::make_unique<LightRenderer>(world_, LightRenderer::Options(resources, image));
-        picturesHere_ = arguments_.context.extensions().registerWith(*light_);
-        if (!light_->attached()) return rtsg::fail(light_->failure());
+        const auto here = attachLight(resources, image);
+        if (!here) return std::unexpected(here.error());
+        picturesHere_ = *here;
     }
     if (!arguments_.listen.empty()) {
-        ListenOptions options = arguments_.hearing;
-        options.render.resources = resources;
-        auto given = openGivenSounds(arguments_.given, scene_, true, arguments_.seconds, options.render.sampleRate,
-                                     arguments_.context);
-        if (!given) return std::unexpected(given.error());
-        options.render.given = std::move(*given);
+        const auto options = hearing(resources, true);
+        if (!options) return std::unexpected(options.error());
         if (arguments_.onDevice()) {
-            auto device = LiveSound::start(world_, {.render = options.render, .device = arguments_.device});
+            auto device = LiveSound::start(world_, {.render = options->render, .device = arguments_.device});
             if (!device) return std::unexpected(device.error());
             device_ = std::move(*device);
         } else {
-            sound_ = std::make_unique<SoundRenderer>(world_, options);
-            soundHere_ = arguments_.context.extensions().registerWith(*sound_);
-            if (!sound_->attached()) return rtsg::fail(sound_->failure());
+            const auto here = attachSound(*options);
+            if (!here) return std::unexpected(here.error());
+            soundHere_ = *here;
         }
     }
-    const auto run = [this](auto present) {
-        ++running_;
-        threads_.emplace_back([this, present] { follow(present); });
-    };
-    if (light_ && !picturesHere_) run([this](const WorldState& state, bool last) { return takePicture(state, last); });
-    if (sound_ && !soundHere_) run([this](const WorldState& state, bool) { return hear(state); });
+    const auto run = [this](Worker& worker, auto present) { worker.run([this, present] { follow(present); }); };
+    if (light_ && !picturesHere_)
+        run(drawing_, [this](const WorldState& state, bool last) { return takePicture(state, last); });
+    if (sound_ && !soundHere_) run(hearing_, [this](const WorldState& state, bool) { return hear(state); });
     return {};
 }
 
 LiveOutputs::~LiveOutputs() {
     report(abandoned_);
-    threads_.clear();  // joins the threads
 }
 
 void LiveOutputs::fail(const Result<>& why) {
@@ -95,16 +79,13 @@ void LiveOutputs::fail(const Result<>& why) {
     failed_ = true;
 }
 
-void LiveOutputs::follow(const std::function<Result<>(const WorldState&, bool)>& present) {
-    try {
-        followUntilTheEnd(present);
-    } catch (const std::exception& e) {
-        fail(rtsg::fail(fmt::format("pictures and sound ended: {}", e.what())));
-    }
-    --running_;
+/// A thread that an exception has ended.
+void LiveOutputs::noteThrown() {
+    for (const Worker* worker : {&drawing_, &hearing_})
+        if (auto ok = worker->failure("pictures and sound ended"); !ok) fail(ok);
 }
 
-void LiveOutputs::followUntilTheEnd(const std::function<Result<>(const WorldState&, bool)>& present) {
+void LiveOutputs::follow(const std::function<Result<>(const WorldState&, bool)>& present) {
     std::uint64_t moment = 0;
     while (!abandoned_) {
         const bool ending = ending_;
@@ -137,7 +118,7 @@ void LiveOutputs::report(std::atomic<bool>& whatIsTrue) {
 
 bool LiveOutputs::rests() const {
     const std::lock_guard lock(mutex_);
-    return resting_ == running_;
+    return resting_ == running();
 }
 
 /// On the scene's thread: notes that time has gone on or back.
@@ -262,6 +243,7 @@ Result<> LiveOutputs::frame() {
         report(abandoned_);
     }
     noteTime();
+    noteThrown();
     if (!failed_ && !ending_)
         if (auto ok = presentHere(false); !ok) fail(ok);
     if (device_) {
@@ -277,22 +259,21 @@ Result<> LiveOutputs::finish() {
     if (arguments_.isCutShort()) report(abandoned_);
     if (!failed_ && !abandoned_)
         if (auto ok = presentHere(true); !ok) fail(ok);
-    if (running_ > 0) {
+    if (running() > 0) {
         const auto last = world_.present();
         if (!last) fail(std::unexpected(last.error()));
         lastMoment_ = last ? (*last)->moment : 0;
     }
-    afterInterruption_ =
-        arguments_.context.interrupted();  // the signal that ended the run does not end the last outputs
+    finishDespiteInterruption();
     report(ending_);
-    const auto progress = running_ > 0 ? arguments_.context.progress("completing pictures and sound") : nullptr;
-    while (running_ > 0) {
+    const auto progress = running() > 0 ? arguments_.context.progress("completing pictures and sound") : nullptr;
+    while (running() > 0) {
         (void)frame();  // whoever asks gets the last state
         if (progress) progress(0, 1);
         std::this_thread::sleep_for(milliseconds(1));
     }
     if (progress) progress(1, 1);
-    threads_.clear();
+    noteThrown();
     if (device_) {
         live_.device = device_->stop();
         arguments_.context.report(live_.device->diagnostics);
@@ -304,33 +285,12 @@ Result<> LiveOutputs::finish() {
 }
 
 Result<> LiveOutputs::write() {
-    if (arguments_.isCutShort()) {
-        report_.forget(files_.together());
-        if (light_) arguments_.context.report(light_->diagnostics());
-        arguments_.context.report(world_.diagnostics());
-        return allOf(arguments_.context, {[&] { return problem_; }, [&] { return arguments_.leftUnwritten(); }});
-    }
-    return allOf(arguments_.context,
-                 {[&] { return problem_; },
-                  [&]() -> Result<> {
-                      if (!sound_) return {};
-                      const Result<double> seconds = writeSound(*sound_, arguments_, files_);
-                      report_.soundSeconds = seconds.value_or(0);
-                      return seconds ? Result<>() : std::unexpected(seconds.error());
-                  },
-                  [&]() -> Result<> {
-                      if (!light_) return {};
-                      const double skipped = arguments_.animated() ? lastDueAt(elapsed_) + 1 - nextPicture_ : 0;
-                      live_.picturesSkipped += static_cast<std::uint64_t>(std::max(0.0, skipped));
-                      const Result<> written = files_.finish(static_cast<std::uint64_t>(std::max(0.0, skipped)));
-                      arguments_.context.report(light_->diagnostics());
-                      return written;
-                  },
-                  [&]() -> Result<> {
-                      arguments_.context.report(world_.diagnostics());
-                      if (arguments_.save.empty()) return {};
-                      return saveScene(scene_, arguments_.save, arguments_.existing, arguments_.context);
-                  }});
+    if (arguments_.isCutShort())
+        return allOf(arguments_.context, {[&] { return problem_; }, [&] { return leaveUnwritten(); }});
+    const double held = arguments_.animated() ? lastDueAt(elapsed_) + 1 - nextPicture_ : 0;
+    return allOf(arguments_.context, {[&] { return problem_; }, [&] { return finishSound(); },
+                                      [&] { return finishPictures(static_cast<std::uint64_t>(std::max(0.0, held))); },
+                                      [&] { return finishScene(); }});
 }
 
 /// The state of which the sound at this time was made. The last one if several states have that time.

@@ -13,16 +13,17 @@
 #include <functional>
 #include <memory>
 #include <mutex>
-#include <thread>
 #include <utility>
 #include <vector>
 
+#include <rtsg/core/worker.h>
 #include <rtsg/renderers/path_preview.h>
-#include <rtsg/session/output_maker.h>
+
+#include "outputs/outputs.h"
 
 namespace rtsg {
 
-class LiveOutputs final : public OutputMaker {
+class LiveOutputs final : public WorldOutputs {
   public:
     /// The world must outlive this, and its scene must be in its first state.
     static Result<std::unique_ptr<LiveOutputs>> attach(WorldOnDemand& world, const OutputOptions& arguments,
@@ -31,7 +32,6 @@ class LiveOutputs final : public OutputMaker {
 
     Result<> frame() override;
     bool rests() const override;
-    bool failed() const override { return failed_; }
     /// Completes the picture in progress, hears the last state, and pictures it if only one picture was asked for.
     Result<> finish() override;
     OutputReport report() const override;
@@ -40,7 +40,6 @@ class LiveOutputs final : public OutputMaker {
     LiveOutputs(WorldOnDemand& world, const OutputOptions& arguments);
     Result<> start(const Resources& resources);
     void follow(const std::function<Result<>(const WorldState&, bool)>& present);
-    void followUntilTheEnd(const std::function<Result<>(const WorldState&, bool)>& present);
     void noteTime();
     double elapsedAt(const WorldState& state, std::size_t& stretch) const;
     double dueAt(double elapsed) const;
@@ -52,33 +51,28 @@ class LiveOutputs final : public OutputMaker {
     Result<> hear(const WorldState& state);
     Result<> hearTo(const WorldState& state);
     void fail(const Result<>& why);
+    void noteThrown();
+    /// How many threads still follow the scene.
+    int running() const { return int{!drawing_.idle()} + int{!hearing_.idle()}; }
     void report(std::atomic<bool>& whatIsTrue);
     Result<> write();
     std::uint64_t heardAt(double elapsed) const;
 
-    Scene& scene_;
-    const OutputOptions arguments_;
     SharedWorld& world_;
-    std::unique_ptr<LightRenderer> light_;
     PathPreview preview_;  // with --denoise: of the samples of light_'s last picture, which is refined_
     Picture refined_;
     bool picturesHere_ = false, soundHere_ = false;  // on the scene's thread, where node renderers draw and voice
-    std::unique_ptr<SoundRenderer> sound_;
     std::unique_ptr<LiveSound> device_;
-    PictureFiles files_;
 
     // Used by the threads only until they have ended.
-    OutputReport report_;
     OutputReport::Live live_;
     double nextPicture_ = 0;  // k of the next time k / F
     std::size_t stretchPictured_ = 0, stretchHeard_ = 0;
     std::vector<std::pair<double, std::uint64_t>> heard_;  // length of the sound, and the state of which it was made
     double soundAt_, soundWritten_ = 0;  // the scene time that it has reached, and its length in seconds
 
-    std::atomic<bool> failed_{false}, ending_{false}, abandoned_{false};
-    std::atomic<bool> afterInterruption_{false};  // set before ending_
-    std::atomic<std::uint64_t> lastMoment_{0};    // valid after ending_
-    std::atomic<int> running_{0};
+    std::atomic<bool> ending_{false};           // set after afterInterruption_
+    std::atomic<std::uint64_t> lastMoment_{0};  // valid after ending_
     mutable std::mutex mutex_;
     std::condition_variable news_;  // signals a new state of the scene, and the end
     // Guarded by mutex_: how often there was a new state, and the threads that have waited since the last one.
@@ -93,7 +87,8 @@ class LiveOutputs final : public OutputMaker {
     std::uint64_t stateNow_;  // guarded by mutex_
     // For the scene's thread: the first state of this stretch, and the number of states before it.
     std::uint64_t firstState_, statesBefore_ = 0;
-    std::vector<std::jthread> threads_;
+    // Last: they use the others.
+    Worker drawing_{"rtsg pictures"}, hearing_{"rtsg listen"};
 };
 
 }  // namespace rtsg

@@ -52,8 +52,6 @@ Result<double> writeStretch(ListenReport report, const OutputOptions& arguments,
     return static_cast<double>(stretch.begin + frames) / sound.sampleRate;
 }
 
-}  // namespace
-
 Result<double> writeSound(SoundRenderer& sound, const OutputOptions& arguments, PictureFiles& pictures,
                           const std::string& comment) {
     ListenReport report = sound.finish();
@@ -77,6 +75,8 @@ PictureFiles pictureFiles(const OutputOptions& arguments) {
             arguments.soundInFilm() ? MovieWriter::Sound::awaited : MovieWriter::Sound::none};
 }
 
+}  // namespace
+
 Result<> allOf(const SessionContext& context, std::initializer_list<std::function<Result<>()>> steps) {
     Result<> first;
     for (const auto& step : steps) {
@@ -94,10 +94,71 @@ bool leadsIn(const OutputOptions& arguments) {
     return arguments.only && arguments.only->first > 0 && arguments.image.settings.shutter > 0;
 }
 
+WorldOutputs::WorldOutputs(WorldOnDemand& world, const OutputOptions& arguments)
+    : source_(world), scene_(world.scene()), arguments_(arguments), files_(pictureFiles(arguments_)) {}
+
+Result<> WorldOutputs::check(WorldOnDemand& world, const OutputOptions& arguments, const Resources& resources) {
+    if (auto ok = checkUnused(world.scene(), resources, arguments.names()); !ok) return ok;
+    return world.cut(arguments.tessellation);
+}
+
+Result<bool> WorldOutputs::attachLight(const Resources& resources, ImageOptions image) {
+    image.settings.progress = [this](double) {
+        return !abandoned_ && (afterInterruption_ || !arguments_.context.interrupted());
+    };
+    light_ = std::make_unique<LightRenderer>(source_.get(), LightRenderer::Options(resources, image));
+    const bool here = arguments_.context.extensions().registerWith(*light_);
+    if (!light_->attached()) return fail(light_->failure());
+    return here;
+}
+
+Result<bool> WorldOutputs::attachSound(const ListenOptions& options) {
+    sound_ = std::make_unique<SoundRenderer>(source_.get(), options);
+    const bool here = arguments_.context.extensions().registerWith(*sound_);
+    if (!sound_->attached()) return fail(sound_->failure());
+    return here;
+}
+
+Result<ListenOptions> WorldOutputs::hearing(const Resources& resources, bool live) const {
+    ListenOptions options = arguments_.hearing;
+    options.render.resources = resources;
+    auto given = openGivenSounds(arguments_.given, scene_, live, arguments_.seconds, options.render.sampleRate,
+                                 arguments_.context);
+    if (!given) return std::unexpected(given.error());
+    options.render.given = std::move(*given);
+    return options;
+}
+
+Result<> WorldOutputs::finishSound(const std::string& comment) {
+    if (!sound_) return {};
+    const Result<double> seconds = writeSound(*sound_, arguments_, files_, comment);
+    report_.soundSeconds = seconds.value_or(0);
+    return seconds ? Result<>() : std::unexpected(seconds.error());
+}
+
+Result<> WorldOutputs::finishPictures(std::uint64_t held) {
+    if (!light_) return {};
+    const Result<> written = files_.finish(held);
+    arguments_.context.report(light_->diagnostics());
+    return written;
+}
+
+Result<> WorldOutputs::finishScene() {
+    if (source_.built()) arguments_.context.report(source_.built()->diagnostics());
+    if (arguments_.save.empty()) return {};
+    return saveScene(scene_, arguments_.save, arguments_.existing, arguments_.context);
+}
+
+Result<> WorldOutputs::leaveUnwritten() {
+    report_.forget(files_.together());
+    if (light_) arguments_.context.report(light_->diagnostics());
+    if (source_.built()) arguments_.context.report(source_.built()->diagnostics());
+    return arguments_.leftUnwritten();
+}
+
 Result<std::unique_ptr<Outputs>> Outputs::attach(WorldOnDemand& world, const OutputOptions& arguments,
                                                  const Resources& resources) {
-    if (auto ok = checkUnused(world.scene(), resources, arguments.names()); !ok) return std::unexpected(ok.error());
-    if (auto ok = world.cut(arguments.tessellation); !ok) return std::unexpected(ok.error());
+    if (auto ok = check(world, arguments, resources); !ok) return std::unexpected(ok.error());
     std::unique_ptr<Outputs> outputs(new Outputs(world, arguments));
     if (arguments.session.empty()) outputs->arguments_.session = world.scene().hash().hex();
     outputs->elapsed_ = ElapsedTime(arguments.only ? arguments.start : world.scene().now());
@@ -105,51 +166,27 @@ Result<std::unique_ptr<Outputs>> Outputs::attach(WorldOnDemand& world, const Out
     outputs->resources_ = resources;
     // A single picture at the end needs no earlier geometry, so that is only made then.
     if (arguments.animated()) {
-        if (auto ok = outputs->attachLight(); !ok) return std::unexpected(ok.error());
+        if (auto ok = outputs->attachLight(resources, arguments.image); !ok) return std::unexpected(ok.error());
         world.get().onRestart([o = outputs.get()] { o->keepWhatIs(); });
     }
-    if (!arguments.listen.empty()) {
-        ListenOptions options = arguments.hearing;
-        options.render.resources = resources;
-        if (arguments.only) {
-            const auto stretch = arguments.stretch();
-            const auto at = [&](std::int64_t sample) {
-                return arguments.start + static_cast<double>(sample) / options.render.sampleRate;
-            };
-            options.from = at(stretch.begin), options.render.reflectedFrom = at(stretch.reflected);
-            options.limited = false;
-        }
-        auto given = openGivenSounds(arguments.given, world.scene(), false, arguments.seconds,
-                                     options.render.sampleRate, arguments.context);
-        if (!given) return std::unexpected(given.error());
-        options.render.given = std::move(*given);
-        outputs->sound_ = std::make_unique<SoundRenderer>(world.get(), options);
-        arguments.context.extensions().registerWith(*outputs->sound_);
-        if (!outputs->sound_->attached()) return fail(outputs->sound_->failure());
+    if (arguments.listen.empty()) return outputs;
+    auto options = outputs->hearing(resources, false);
+    if (!options) return std::unexpected(options.error());
+    if (arguments.only) {
+        const auto stretch = arguments.stretch();
+        const auto at = [&](std::int64_t sample) {
+            return arguments.start + static_cast<double>(sample) / options->render.sampleRate;
+        };
+        options->from = at(stretch.begin), options->render.reflectedFrom = at(stretch.reflected);
+        options->limited = false;
     }
+    if (auto ok = outputs->attachSound(*options); !ok) return std::unexpected(ok.error());
     return outputs;
 }
 
-Result<> Outputs::attachLight() {
-    ImageOptions image = arguments_.image;
-    image.settings.progress = [this](double) {
-        return !abandoned_ && (afterInterruption_ || !arguments_.context.interrupted());
-    };
-    light_ = std::make_unique<LightRenderer>(world_.get(), LightRenderer::Options(resources_, image));
-    arguments_.context.extensions().registerWith(*light_);
-    if (!light_->attached()) return fail(light_->failure());
-    return {};
-}
-
 Outputs::~Outputs() {
-    if (light_) world_.get().onRestart({});
+    if (light_) source_.get().onRestart({});
     abandoned_ = true;
-    {
-        const std::lock_guard lock(mutex_);
-        stop_ = true;
-    }
-    changed_.notify_all();
-    if (worker_.joinable()) worker_.join();
 }
 
 bool Outputs::pictureIsDue(double t) const {
@@ -198,36 +235,18 @@ Result<> Outputs::write(Picture picture, const std::string& state) {
     return writePicture(picture, pattern.parent_path() / *name, arguments_.toneMap);
 }
 
-void Outputs::work() {
-    std::unique_lock lock(mutex_);
-    for (;;) {
-        changed_.wait(lock, [this] { return stop_ || job_; });
-        if (stop_) return;
-        lock.unlock();
-        Result<> created;
-        try {
-            created = make(*job_);
-        } catch (const std::exception& e) {
-            created = fail(fmt::format("pictures and sound ended: {}", e.what()));
-        }
-        if (result_) result_ = created;
-        if (!result_) failed_ = true;
-        lock.lock();
-        job_.reset();
-        changed_.notify_all();
-    }
-}
-
 /// Waits until nothing is being made, so that the worker's data may be used. Returns the first failure.
 Result<> Outputs::ready() {
-    std::unique_lock lock(mutex_);
-    if (job_) ++report_.overlapped;
-    changed_.wait(lock, [this] { return !job_; });
+    const bool overlaps = !worker_.idle();
+    worker_.finish();
+    report_.overlapped += overlaps;
+    if (result_) result_ = worker_.failure("pictures and sound ended");
+    if (!result_) failed_ = true;
     return result_;
 }
 
 Result<> Outputs::next(bool picture, double until) {
-    auto state = picture ? light_->prepare() : world_.get().present();
+    auto state = picture ? light_->prepare() : source_.get().present();
     if (!state) {
         result_ = std::unexpected(state.error());
         failed_ = true;
@@ -238,10 +257,11 @@ Result<> Outputs::next(bool picture, double until) {
 }
 
 void Outputs::begin(Job job) {
-    if (!worker_.joinable()) worker_ = std::thread([this] { work(); });
-    const std::lock_guard lock(mutex_);
-    job_ = std::move(job);
-    changed_.notify_all();
+    worker_.start([this, job = std::move(job)] {
+        const Result<> created = make(job);
+        if (result_) result_ = created;
+        if (!result_) failed_ = true;
+    });
 }
 
 /// A scene that starts over may do so much later, as its server was out of reach. Pictures of the time between show the
@@ -274,42 +294,20 @@ Result<> Outputs::finish() {
     Result<> created = ready();  // does not wait for an interrupted picture
     if (arguments_.isCutShort())
         return allOf(arguments_.context, {[&] { return created; }, [&] { return leaveUnwritten(); }});
-    afterInterruption_ =
-        arguments_.context.interrupted();  // the signal that ended the run does not end the last outputs
-    return allOf(arguments_.context,
-                 {[&] { return created; }, [&] { return lastPicture(); },
-                  [&]() -> Result<> {
-                      if (!sound_) return {};
-                      const std::string how = fmt::format("{},run-up={}", arguments_.soundSettings, arguments_.runUp);
-                      const Result<double> seconds =
-                          writeSound(*sound_, arguments_, files_, provenance(how, nameOfState()).comment());
-                      report_.soundSeconds = seconds.value_or(0);
-                      return seconds ? Result<>() : std::unexpected(seconds.error());
-                  },
-                  [&]() -> Result<> {
-                      if (!light_) return {};
-                      const Result<> written = files_.finish();
-                      arguments_.context.report(light_->diagnostics());
-                      return written;
-                  },
-                  [&]() -> Result<> {
-                      if (world_.built()) arguments_.context.report(world_.built()->diagnostics());
-                      if (arguments_.save.empty()) return {};
-                      return saveScene(scene_, arguments_.save, arguments_.existing, arguments_.context);
-                  }});
-}
-
-Result<> Outputs::leaveUnwritten() {
-    report_.forget(files_.together());
-    if (light_) arguments_.context.report(light_->diagnostics());
-    if (world_.built()) arguments_.context.report(world_.built()->diagnostics());
-    return arguments_.leftUnwritten();
+    finishDespiteInterruption();
+    return allOf(arguments_.context, {[&] { return created; }, [&] { return lastPicture(); },
+                                      [&] {
+                                          const std::string how =
+                                              fmt::format("{},run-up={}", arguments_.soundSettings, arguments_.runUp);
+                                          return finishSound(provenance(how, nameOfState()).comment());
+                                      },
+                                      [&] { return finishPictures(); }, [&] { return finishScene(); }});
 }
 
 Result<> Outputs::lastPicture() {
     if (arguments_.render.empty() || arguments_.animated() || !result_) return {};
     if (!light_)
-        if (auto ok = attachLight(); !ok) return ok;
+        if (auto ok = attachLight(resources_, arguments_.image); !ok) return std::unexpected(ok.error());
     if (auto ok = next(true, elapsed()); !ok) return ok;
     return ready();
 }
@@ -323,8 +321,8 @@ std::string Outputs::numbersFrom(double next) const {
 
 OutputReport Outputs::report() const {
     OutputReport report = report_;
-    if (world_.built()) report.world = world_.built()->counts();
-    report.cuts = world_.cuts();
+    if (source_.built()) report.world = source_.built()->counts();
+    report.cuts = source_.cuts();
     report.missing = missingError(static_cast<double>(arguments_.image.settings.error), report.error, report.unreached);
     if (!std::isfinite(arguments_.seconds)) return report;
     const double before = arguments_.only ? static_cast<double>(arguments_.only->first) : 0;

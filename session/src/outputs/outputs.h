@@ -7,18 +7,15 @@
 #pragma once
 
 #include <atomic>
-#include <condition_variable>
 #include <functional>
 #include <memory>
-#include <mutex>
-#include <optional>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include <fmt/format.h>
 
 #include <rtsg/audio/sound_renderer.h>
+#include <rtsg/core/worker.h>
 #include <rtsg/session/output_maker.h>
 #include <rtsg/session/provenance.h>
 
@@ -29,14 +26,40 @@ inline std::unexpected<Diagnostic> notWritten(const std::string& file) {
     return fail("interrupted: the picture was not written", {}, file);
 }
 
-/// Writes the sound, in the requested length, to its own file or into the film. Returns its length in seconds. A
-/// stretch gets `comment`.
-Result<double> writeSound(SoundRenderer& sound, const OutputOptions& arguments, PictureFiles& pictures,
-                          const std::string& comment = {});
-/// The picture files that the arguments ask for.
-PictureFiles pictureFiles(const OutputOptions& arguments);
+/// What makers have in common that draw and hear a world itself, in step with its scene or live.
+class WorldOutputs : public OutputMaker {
+  public:
+    bool failed() const override { return failed_; }
 
-class Outputs final : public OutputMaker {
+  protected:
+    WorldOutputs(WorldOnDemand& world, const OutputOptions& arguments);
+    /// Errors: options of node types that the scene has not; a wrong tessellation.
+    static Result<> check(WorldOnDemand& world, const OutputOptions& arguments, const Resources& resources);
+    /// True if nodes of plug-ins draw, or voice, which have to do so on the scene's thread.
+    Result<bool> attachLight(const Resources& resources, ImageOptions image);
+    Result<bool> attachSound(const ListenOptions& options);
+    Result<ListenOptions> hearing(const Resources& resources, bool live) const;
+    /// At the end: the sound, in the requested length, in its own file or the film; a stretch gets `comment`.
+    Result<> finishSound(const std::string& comment = {});
+    /// `held`: the last picture stays for so many more.
+    Result<> finishPictures(std::uint64_t held = 0);
+    Result<> finishScene();
+    Result<> leaveUnwritten();
+    /// The signal that ended the run does not end the last outputs.
+    void finishDespiteInterruption() { afterInterruption_ = arguments_.context.interrupted(); }
+
+    WorldOnDemand& source_;
+    Scene& scene_;
+    OutputOptions arguments_;
+    std::unique_ptr<LightRenderer> light_;  // null until a picture must be made
+    std::unique_ptr<SoundRenderer> sound_;
+    std::atomic<bool> failed_{false}, afterInterruption_{false}, abandoned_{false};
+    // For the threads that draw and hear while they do, otherwise for the scene's.
+    PictureFiles files_;
+    OutputReport report_;
+};
+
+class Outputs final : public WorldOutputs {
   public:
     /// The world must outlive this, and its scene must be in its first state. `resources`: what urls may open.
     static Result<std::unique_ptr<Outputs>> attach(WorldOnDemand& world, const OutputOptions& arguments,
@@ -47,13 +70,11 @@ class Outputs final : public OutputMaker {
 
     /// First waits for the outputs of the frame before.
     Result<> frame() override;
-    bool failed() const override { return failed_; }
     Result<> finish() override;
     OutputReport report() const override;
 
   private:
-    Outputs(WorldOnDemand& world, const OutputOptions& arguments)
-        : world_(world), scene_(world.scene()), arguments_(arguments), files_(pictureFiles(arguments_)) {}
+    Outputs(WorldOnDemand& world, const OutputOptions& arguments) : WorldOutputs(world, arguments) {}
     /// Outputs to be made of one state.
     struct Job {
         std::shared_ptr<const WorldState> state;
@@ -66,11 +87,8 @@ class Outputs final : public OutputMaker {
     void keepWhatIs();
     Result<> pictureWhatWasBefore(double t);
     Result<> ready();
-    void work();
     Result<> make(const Job& job);
-    Result<> attachLight();
     Result<> lastPicture();
-    Result<> leaveUnwritten();
     bool pictureIsDue(double t) const;
     double elapsed() { return elapsed_.at(scene_.now()); }
     /// Seconds from the start to the next picture.
@@ -82,28 +100,16 @@ class Outputs final : public OutputMaker {
     std::string nameOfState() const { return fmt::format("{} {}", scene_.sequence(), scene_.hash().hex()); }
     Provenance provenance(std::string options, std::string state) const;
 
-    WorldOnDemand& world_;
-    Scene& scene_;
-    OutputOptions arguments_;
     Resources resources_;
-    std::unique_ptr<LightRenderer> light_;  // null until a picture must be made
-    std::unique_ptr<SoundRenderer> sound_;
     ElapsedTime elapsed_;
     std::shared_ptr<const WorldState> before_;  // the last state before the scene started over
     std::string nameBefore_;
-    std::atomic<bool> failed_{false}, afterInterruption_{false}, abandoned_{false};
 
     // Belongs to the worker while it has a job, otherwise to the scene's thread.
-    PictureFiles files_;
     std::uint64_t number_ = 0;  // of the next picture
-    OutputReport report_;
-    Result<> result_;  // the first failure
+    Result<> result_;           // the first failure
 
-    std::mutex mutex_;
-    std::condition_variable changed_;
-    std::optional<Job> job_;
-    bool stop_ = false;
-    std::thread worker_;  // runs from the first job on
+    Worker worker_{"rtsg outputs"};  // last: its jobs use the others
 };
 
 }  // namespace rtsg

@@ -2,12 +2,9 @@
 #include "outputs/tile_outputs.h"
 
 #include <poll.h>
-#include <sys/eventfd.h>
-#include <unistd.h>
 
 #include <cmath>
 #include <deque>
-#include <exception>
 #include <span>
 
 #include <fmt/format.h>
@@ -66,17 +63,13 @@ struct TileOutputs::Drawer {
     }
     Result<> apply() {
         const std::shared_ptr<const ChangeSet> set = std::exchange(next, nullptr);
-        if (set->isSnapshot() && scene.sequence() != 0) {
-            if (auto ok = scene.reset(); !ok) return ok;
-            states.clear();
-        }
+        if (set->isSnapshot()) states.clear();
         // Of the first state that comes it is not known when it began.
         if (!light || set->isSnapshot())
             from = set->time;
         else if (set->time > scene.now())
             from = scene.now();
-        if (auto ok = scene.apply(set); !ok) return ok;
-        if (scene.hash() != set->hash) return fail(fmt::format("the copy differs in state {}", scene.sequence()));
+        if (auto ok = applyTo(scene, set); !ok) return ok;
         return light ? Result<>() : attach();
     }
     Result<> attach() {
@@ -129,39 +122,24 @@ struct TileOutputs::Drawer {
     std::deque<State> states;
 };
 
-TileOutputs::TileOutputs(const OutputOptions& arguments, const Resources& resources, TileLink link)
-    : arguments_(arguments),
-      resources_(resources),
-      link_(std::move(link)),
-      wake_(::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)),
-      last_(-INFINITY),
-      changed_(-INFINITY) {}
+TileOutputs::TileOutputs(const Scene& scene, const OutputOptions& arguments, const Resources& resources, TileLink link)
+    : QueuedOutputs(scene, arguments, resources), link_(std::move(link)), last_(scene.now()), changed_(scene.now()) {
+    start([this] { wake_.raise(); });
+}
 
 Result<std::unique_ptr<TileOutputs>> TileOutputs::attach(const Scene& scene, const OutputOptions& arguments,
                                                          const Resources& resources) {
     auto link = TileLink::connect(arguments.tiles);
     if (!link) return std::unexpected(link.error());
-    std::unique_ptr<TileOutputs> outputs(new TileOutputs(arguments, resources, std::move(*link)));
-    (void)outputs->queue_.add(scene.snapshot());
-    outputs->last_ = outputs->changed_ = scene.now();
-    outputs->thread_ = std::thread([o = outputs.get()] { o->run(); });
-    return outputs;
+    return std::unique_ptr<TileOutputs>(new TileOutputs(scene, arguments, resources, std::move(*link)));
 }
 
 TileOutputs::~TileOutputs() {
-    stop_ = true;
-    wake();
-    if (thread_.joinable()) thread_.join();
-    ::close(wake_);
-}
-
-void TileOutputs::wake() const {
-    const std::uint64_t one = 1;
-    (void)!::write(wake_, &one, sizeof(one));
+    worker_.stop();
 }
 
 void TileOutputs::step(const Scene& scene, const RecordStep& step) {
-    (void)queue_.add(step);
+    QueuedOutputs::step(scene, step);
     const auto pictureAt = [this](double time) {
         return static_cast<std::uint64_t>(std::max(0.0, std::floor((time + kRounding) * arguments_.picturesPerSecond)));
     };
@@ -177,7 +155,7 @@ void TileOutputs::step(const Scene& scene, const RecordStep& step) {
     lastState_ = anew ? std::string() : fmt::format("{} {}", scene.sequence(), scene.hash().hex());
     // A scene that rests tells its time now and then.
     if (!step.set || step.set->isSnapshot() || !step.set->changes.empty()) changed_ = last_;
-    if (passes) wake();
+    if (passes) wake_.raise();
 }
 
 /// Draws what is asked for.
@@ -214,12 +192,11 @@ Result<> TileOutputs::follow() {
     link_.send(fmt::format("hello 1 {} {} {} {}", settings.width, settings.height, arguments_.picturesPerSecond,
                            looksOf(arguments_)));
     std::uint64_t said = 0;
-    while (!stop_) {
-        pollfd items[] = {{link_.descriptor(), POLLIN, 0}, {wake_, POLLIN, 0}};
+    while (!worker_.stops()) {
+        pollfd items[] = {{link_.descriptor(), POLLIN, 0}, {wake_.get(), POLLIN, 0}};
         if (link_.waitsToSend()) items[0].events |= POLLOUT;
         (void)::poll(items, std::size(items), 1000);
-        std::uint64_t ignored = 0;
-        (void)!::read(wake_, &ignored, sizeof(ignored));
+        wake_.clear();
         link_.flush();
         link_.read();
         auto message = link_.receive();
@@ -234,30 +211,15 @@ Result<> TileOutputs::follow() {
             if (!message) break;
             if (auto ok = answer(drawer, *message); !ok) return ok;
             message = link_.receive();
-        } while (!stop_);
+        } while (!worker_.stops());
         if (!link_.over().empty()) return {};  // whoever joins them has enough
     }
     return {};
 }
 
-void TileOutputs::run() {
-    try {
-        result_ = follow();
-    } catch (const std::exception& e) {
-        result_ = fail(fmt::format("tiles ended: {}", e.what()));
-    }
-    failed_ = true;  // nothing more comes of it
-}
-
 Result<> TileOutputs::finish() {
-    stop_ = true;
-    wake();
-    if (thread_.joinable()) thread_.join();
-    return result_;
-}
-
-OutputReport TileOutputs::report() const {
-    return {};
+    worker_.stop();
+    return result("tiles ended");
 }
 
 }  // namespace rtsg

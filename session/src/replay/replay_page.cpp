@@ -13,10 +13,9 @@
 #include <fmt/chrono.h>
 #include <fmt/format.h>
 
+#include <rtsg/core/markup.h>
 #include <rtsg/core/output_file.h>
 #include <rtsg/renderers/picture.h>
-
-#include "replay/markup.h"
 
 namespace rtsg {
 

@@ -70,22 +70,12 @@ TileLink::TileLink(int descriptor) : descriptor_(descriptor) {
     const int yes = 1;
     (void)::setsockopt(descriptor, IPPROTO_TCP, TCP_NODELAY, &yes, sizeof(yes));
 }
-TileLink::TileLink(TileLink&& other) noexcept
-    : descriptor_(std::exchange(other.descriptor_, -1)),
-      in_(std::move(other.in_)),
-      out_(std::move(other.out_)),
-      over_(std::move(other.over_)),
-      sent_(other.sent_),
-      taken_(other.taken_) {}
-TileLink::~TileLink() {
-    if (descriptor_ >= 0) ::close(descriptor_);
-}
 
 Result<TileLink> TileLink::connect(const std::string& address) {
     const auto found = addressOf(address);
     if (!found) return std::unexpected(found.error());
     TileLink link(::socket((*found)->ai_family, SOCK_STREAM | SOCK_CLOEXEC, 0));
-    if (link.descriptor_ < 0 || ::connect(link.descriptor_, (*found)->ai_addr, (*found)->ai_addrlen) != 0)
+    if (!link.descriptor_ || ::connect(link.descriptor_.get(), (*found)->ai_addr, (*found)->ai_addrlen) != 0)
         return std::unexpected(systemFailure("connect", address).error());
     return link;
 }
@@ -105,7 +95,8 @@ void TileLink::send(std::string_view line, std::string_view bytes) {
 
 void TileLink::flush() {
     while (over_.empty() && waitsToSend()) {
-        const ssize_t sent = ::send(descriptor_, out_.data() + sent_, out_.size() - sent_, MSG_DONTWAIT | MSG_NOSIGNAL);
+        const ssize_t sent =
+            ::send(descriptor_.get(), out_.data() + sent_, out_.size() - sent_, MSG_DONTWAIT | MSG_NOSIGNAL);
         if (sent < 0 && errno == EINTR) continue;
         if (sent < 0 && (errno == EAGAIN || errno == EWOULDBLOCK)) return;
         if (sent < 0)
@@ -119,7 +110,7 @@ void TileLink::read() {
     in_.erase(0, std::exchange(taken_, 0));
     char buffer[1 << 16];
     while (over_.empty() && in_.size() <= kMaxBytes) {
-        const ssize_t came = ::recv(descriptor_, buffer, sizeof(buffer), MSG_DONTWAIT);
+        const ssize_t came = ::recv(descriptor_.get(), buffer, sizeof(buffer), MSG_DONTWAIT);
         if (came < 0 && errno == EINTR) continue;
         if (came < 0 && (errno == EAGAIN || errno == EWOULDBLOCK)) return;
         if (came <= 0)
@@ -154,12 +145,6 @@ std::optional<TileLink::Message> TileLink::receive() {
     return message;
 }
 
-TileDoor::TileDoor(TileDoor&& other) noexcept
-    : descriptor_(std::exchange(other.descriptor_, -1)), address_(std::move(other.address_)) {}
-TileDoor::~TileDoor() {
-    if (descriptor_ >= 0) ::close(descriptor_);
-}
-
 Result<TileDoor> TileDoor::open(const std::string& address, bool insecure) {
     const auto found = addressOf(address);
     if (!found) return std::unexpected(found.error());
@@ -167,16 +152,16 @@ Result<TileDoor> TileDoor::open(const std::string& address, bool insecure) {
         return fail("other machines can reach this, and tiles have no keys (--insecure)", {}, address);
     TileDoor door(::socket((*found)->ai_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0), address);
     const int yes = 1;
-    (void)::setsockopt(door.descriptor_, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof(yes));
-    if (door.descriptor_ < 0 || ::bind(door.descriptor_, (*found)->ai_addr, (*found)->ai_addrlen) != 0 ||
-        ::listen(door.descriptor_, 1024) != 0)
+    (void)::setsockopt(door.descriptor_.get(), SOL_SOCKET, SO_REUSEADDR, &yes, sizeof(yes));
+    if (!door.descriptor_ || ::bind(door.descriptor_.get(), (*found)->ai_addr, (*found)->ai_addrlen) != 0 ||
+        ::listen(door.descriptor_.get(), 1024) != 0)
         return std::unexpected(systemFailure("listen", address).error());
-    door.address_ = address.substr(0, address.rfind(':') + 1) + std::to_string(portOf(door.descriptor_));
+    door.address_ = address.substr(0, address.rfind(':') + 1) + std::to_string(portOf(door.descriptor_.get()));
     return door;
 }
 
 std::optional<TileLink> TileDoor::accept() {
-    const int descriptor = ::accept4(descriptor_, nullptr, nullptr, SOCK_CLOEXEC);
+    const int descriptor = ::accept4(descriptor_.get(), nullptr, nullptr, SOCK_CLOEXEC);
     if (descriptor < 0) return std::nullopt;
     return TileLink(descriptor);
 }

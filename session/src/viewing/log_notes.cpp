@@ -75,14 +75,8 @@ class Events {
 
 }  // namespace
 
-LogNotes::~LogNotes() {
-    ends_ = stale_ = true;
-    if (marking_.joinable()) marking_.join();
-    if (asking_.joinable()) asking_.join();
-}
-
 void LogNotes::marks(SceneWindowTimeline& line) {
-    if (!marking_.joinable()) marking_ = std::thread([this] { readMarks(); });
+    if (!std::exchange(begun_, true)) marking_.run([this] { readMarks(); });
     const std::scoped_lock lock(mutex_);
     line.marks = marks_;
     line.marksVersion = version_;
@@ -105,7 +99,7 @@ void LogNotes::readMarks() {
         marks_.push_back({time, std::move(text), isDamage});
         ++version_;
     };
-    while (!ends_) {
+    while (!marking_.stops()) {
         const Result<bool> more = replayer.step();
         const double time = std::max(0., replayer.time() - start);
         const auto& damage = replayer.log().damage();
@@ -133,12 +127,12 @@ void LogNotes::ask(const std::string& field) {
         const std::scoped_lock lock(mutex_);
         history_.push_back({field, "the log is being read ...", false, {}});
     }
-    asking_ = std::thread([this, field] { readHistory(field); });
+    asking_.run([this, field] { readHistory(field); });
 }
 
 void LogNotes::forget() {
     stale_ = true;
-    if (asking_.joinable()) asking_.join();
+    asking_.finish();
     const std::scoped_lock lock(mutex_);
     history_.clear();
 }

@@ -9,9 +9,9 @@
 #include <mutex>
 #include <optional>
 #include <string>
-#include <thread>
 #include <vector>
 
+#include <rtsg/core/worker.h>
 #include <rtsg/window/scene_window.h>
 
 namespace rtsg {
@@ -19,9 +19,7 @@ namespace rtsg {
 class LogNotes {
   public:
     explicit LogNotes(std::string file) : file_(std::move(file)) {}
-    ~LogNotes();
-    LogNotes(const LogNotes&) = delete;
-    LogNotes& operator=(const LogNotes&) = delete;
+    ~LogNotes() { stale_ = true; }
 
     /// Begins to read, unless it has begun. Gives the marks found so far, with a number that grows.
     void marks(SceneWindowTimeline& line);
@@ -36,12 +34,13 @@ class LogNotes {
     void readHistory(const std::string& field);
 
     const std::string file_;
-    std::atomic<bool> ends_{false}, stale_{false};
+    std::atomic<bool> stale_{false};
+    bool begun_ = false;
     mutable std::mutex mutex_;  // guards what follows
     std::vector<SceneWindowMark> marks_;
     std::uint64_t version_ = 0;
     std::vector<SceneWindowStatus::Line> history_;
-    std::thread marking_, asking_;
+    Worker marking_{"rtsg marks"}, asking_{"rtsg history"};  // last: they use the others
 };
 
 }  // namespace rtsg

@@ -51,65 +51,43 @@ Result<std::unique_ptr<WindowFilm>> WindowFilm::start(const std::string& file, i
     return std::unique_ptr<WindowFilm>(new WindowFilm(std::move(*writer), width, height));
 }
 WindowFilm::WindowFilm(MovieWriter writer, int width, int height)
-    : writer_(std::move(writer)), width_(width), height_(height), thread_([this] { run(); }) {}
+    : writer_(std::move(writer)), width_(width), height_(height) {}
 WindowFilm::~WindowFilm() {
-    if (thread_.joinable()) (void)finish(seconds_);
+    (void)finish(seconds_);
 }
 
 void WindowFilm::show(std::shared_ptr<const LivePictureShown> picture, double seconds) {
     if (!picture || picture == last_) return;
     last_ = picture;
-    {
-        const std::scoped_lock lock(mutex_);
-        next_ = std::move(picture);  // one that was not reached is left out
-        seconds_ = seconds;
-    }
-    news_.notify_all();
+    seconds_ = seconds;
+    // One that was not reached is left out.
+    worker_.startInstead([this, picture = std::move(picture), seconds] {
+        if (result_) result_ = take(picture, seconds, false);
+    });
 }
 
 void WindowFilm::end(double seconds) {
-    {
-        const std::scoped_lock lock(mutex_);
-        ends_ = true;
-        next_ = last_;  // to the end
-        seconds_ = std::max(seconds, 1 / kFilmRate);
-    }
-    news_.notify_all();
+    ends_ = true;
+    // The last picture is shown to the end.
+    worker_.startInstead([this, last = last_, seconds = std::max(seconds, 1 / kFilmRate)] {
+        if (result_) result_ = take(last, seconds, true);
+        if (result_) result_ = written_ > 0 ? writer_.finish() : fail("the film has no picture");
+    });
 }
 
 Result<> WindowFilm::finish(double seconds) {
-    if (!ends_) end(seconds);  // which this thread alone sets
-    thread_.join();
-    return result_;
+    if (!ends_) end(seconds);
+    worker_.finish();
+    const Result<> thrown = worker_.failure("the film ended");
+    return thrown ? result_ : thrown;
 }
 
-void WindowFilm::run() {
-    result_ = encode();
-    isWritten_ = true;
-}
-
-Result<> WindowFilm::encode() {
-    Result<> result;
-    std::shared_ptr<const LivePictureShown> before;
-    std::unique_lock lock(mutex_);
-    for (bool ends = false; !ends && result;) {
-        news_.wait(lock, [this] { return next_ || ends_; });
-        const std::shared_ptr<const LivePictureShown> next = std::exchange(next_, nullptr);
-        const double seconds = seconds_;
-        ends = ends_;
-        if (before) {
-            lock.unlock();
-            const Result<> done = write(*before, static_cast<std::uint64_t>(std::llround(seconds * kFilmRate)));
-            lock.lock();
-            result = done;
-        }
-        before = next ? next : before;
-        if (ends && before && written_ == 0 && result) result = write(*before, 1);
-    }
-    lock.unlock();
-    if (!result) return result;
-    if (written_ == 0) return fail("the film has no picture");
-    return writer_.finish();
+/// Writes the picture before, now that its end is known.
+Result<> WindowFilm::take(std::shared_ptr<const LivePictureShown> next, double seconds, bool ends) {
+    if (before_)
+        if (auto ok = write(*before_, static_cast<std::uint64_t>(std::llround(seconds * kFilmRate))); !ok) return ok;
+    if (next) before_ = std::move(next);
+    return ends && before_ && written_ == 0 ? write(*before_, 1) : Result<>();
 }
 
 /// Writes this picture for all frames from the last written one up to this number.

@@ -1,16 +1,15 @@
 // A view of a served scene: a replica, with the viewer's own eye.
 #include <algorithm>
+#include <array>
+#include <atomic>
 #include <chrono>
-#include <condition_variable>
 #include <limits>
-#include <mutex>
-#include <thread>
 
 #include <fmt/format.h>
 #include <poll.h>
-#include <sys/eventfd.h>
-#include <unistd.h>
 
+#include <rtsg/core/descriptor.h>
+#include <rtsg/core/worker.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/documents/loader.h>
 #include <rtsg/nats/mirror_origin.h>
@@ -32,58 +31,26 @@ using Clock = std::chrono::steady_clock;
 /// request to wait, when something has arrived.
 class ConnectionWaiter {
   public:
-    explicit ConnectionWaiter(std::function<void()> heard)
-        : heard_(std::move(heard)), end_(::eventfd(0, EFD_CLOEXEC)), thread_([this] { run(); }) {}
-    ~ConnectionWaiter() {
-        {
-            const std::scoped_lock lock(mutex_);
-            ends_ = true;
-        }
-        news_.notify_all();
-        const std::uint64_t one = 1;
-        (void)!::write(end_, &one, sizeof one);  // an eventfd takes it
-        thread_.join();
-        ::close(end_);
-    }
-    ConnectionWaiter(const ConnectionWaiter&) = delete;
-    ConnectionWaiter& operator=(const ConnectionWaiter&) = delete;
+    explicit ConnectionWaiter(std::function<void()> heard) : heard_(std::move(heard)) {}
 
     /// Asked anew while it still waits, nothing changes.
     void wait(const std::array<int, 2>& descriptors) {
-        {
-            const std::scoped_lock lock(mutex_);
-            if (waits_) return;
-            waits_ = true;
-            descriptors_ = descriptors;
-        }
-        news_.notify_all();
+        if (waits_.exchange(true)) return;
+        worker_.run(
+            [this, descriptors] {
+                pollfd items[] = {{descriptors[0], POLLIN, 0}, {descriptors[1], POLLIN, 0}, {end_.get(), POLLIN, 0}};
+                (void)::poll(items, 3, -1);
+                waits_ = false;  // whoever hears may ask again at once
+                if (!worker_.stops()) heard_();
+            },
+            [this] { end_.raise(); });
     }
 
   private:
-    void run() {
-        std::unique_lock lock(mutex_);
-        for (;;) {
-            news_.wait(lock, [this] { return waits_ || ends_; });
-            if (ends_) return;
-            pollfd items[] = {{descriptors_[0], POLLIN, 0}, {descriptors_[1], POLLIN, 0}, {end_, POLLIN, 0}};
-            lock.unlock();
-            (void)::poll(items, 3, -1);
-            lock.lock();
-            waits_ = false;
-            if (ends_) return;
-            lock.unlock();
-            heard_();
-            lock.lock();
-        }
-    }
-
     const std::function<void()> heard_;
-    const int end_;  // readable when it is to end
-    std::mutex mutex_;
-    std::condition_variable news_;
-    std::array<int, 2> descriptors_{-1, -1};
-    bool waits_ = false, ends_ = false;
-    std::thread thread_;  // last: it uses the others
+    Wakeup end_;
+    std::atomic<bool> waits_ = false;
+    Worker worker_{"rtsg waiter"};  // last: it uses the others
 };
 
 /// Pointers and keys reach the origin, if it lets them.

@@ -1,5 +1,5 @@
 // Finds the pieces of a rotated log by name, and tells from their content whether they are pieces.
-#include "pieces.h"
+#include "log_files.h"
 
 #include <algorithm>
 #include <array>

@@ -5,17 +5,12 @@
 #include <atomic>
 #include <chrono>
 #include <condition_variable>
-#include <cstdio>
 #include <deque>
-#include <limits>
-#include <mutex>
-#include <thread>
 #include <utility>
 
-#include <fmt/format.h>
-#include <pthread.h>
-
 #include <rtsg/core/change_composer.h>
+
+#include "log_thread.h"
 
 namespace rtsg {
 
@@ -40,7 +35,7 @@ bool createsNodes(const ChangeSet& set) {
 
 }  // namespace
 
-struct RecordLog::Impl {
+struct RecordLog::Impl final : LogThread {
     /// A step, or the place of a snapshot that was asked for and has not come yet.
     struct Entry {
         RecordStep step;
@@ -48,29 +43,16 @@ struct RecordLog::Impl {
         bool isKeyframe = false;  // its set is the snapshot of the last state
         std::uint64_t state = 0;  // the state of the place
     };
-    std::string file;
-    std::unique_ptr<LogWriter> log;  // used by the thread only
-    std::atomic<bool> wantsSnapshot{false}, ended{false};
-    std::atomic<std::uint64_t> acknowledged{0}, bytes{0}, encoded{0}, merged{0};
+    std::atomic<bool> wantsSnapshot{false};
+    std::atomic<std::uint64_t> encoded{0};
 
-    mutable std::mutex mutex;  // guards the rest
     std::condition_variable come, gone;
+    // Guarded by `mutex`.
     std::deque<Entry> waiting;
     std::uint64_t waitingBytes = 0;
-    ChangeComposer late;   // frames merged behind all that wait
-    bool isAsked = false;  // a snapshot was asked for and is not in the file yet; only one at a time
-    std::uint64_t starts = 0;
-    std::function<void(std::uint64_t, std::uint64_t)> heard;
-    bool stopping = false;
-    Result<> result;
-    char thrown[160] = {};  // the thread's exception; there may be no memory for a string
-    std::thread thread;
-
-    Result<> outcome() const {
-        const std::scoped_lock lock(mutex);
-        if (!thrown[0]) return result;
-        return fail(fmt::format("the recorder's thread has ended: {}", thrown), {}, file);
-    }
+    ChangeComposer late;             // frames merged behind all that wait
+    bool isAsked = false;            // a snapshot was asked for and is not in the file yet; only one at a time
+    Worker worker{"rtsg recorder"};  // last: its job uses the others
 
     // ---- with `mutex` held -----------------------------------------------------------------------------------
     bool hasRoom(std::uint64_t more) const {
@@ -86,11 +68,6 @@ struct RecordLog::Impl {
         if (!late.empty()) append({nullptr, std::make_shared<const ChangeSet>(late.take())});
     }
     bool canGoOn() const { return waiting.empty() ? !late.empty() : !waiting.front().isIt; }
-    /// Wakes those who wait for states that will never be in the file.
-    void reportEnd() const {
-        constexpr std::uint64_t kAny = std::numeric_limits<std::uint64_t>::max();
-        if (heard) heard(kAny, kAny);
-    }
 
     /// Waits for room.
     void put(RecordStep step, bool isKeyframe = false) {
@@ -124,10 +101,10 @@ struct RecordLog::Impl {
         return log->write(*step.set);
     }
 
-    Result<> follow() {
+    Result<> follow() override {
         std::unique_lock lock(mutex);
         for (;;) {
-            come.wait(lock, [this] { return stopping || canGoOn(); });
+            come.wait(lock, [this] { return worker.stops() || canGoOn(); });
             if (waiting.empty()) appendLate();
             if (waiting.empty()) return {};
             const Entry entry = std::move(waiting.front());
@@ -147,29 +124,9 @@ struct RecordLog::Impl {
         }
     }
 
-    /// A log that ends early gets no index, so readers can tell.
-    void run() {
-        ::pthread_setname_np(::pthread_self(), "rtsg recorder");
-        Result<> how;
-        char why[sizeof(thrown)] = {};
-        try {
-            how = follow();
-            if (how)
-                how = log->close();
-            else
-                log->abandon();
-        } catch (const std::exception& e) {
-            std::snprintf(why, sizeof(why), "%s", e.what());
-            log->abandon();
-        }
-        const std::scoped_lock lock(mutex);
-        std::snprintf(thrown, sizeof(thrown), "%s", why);
-        result = std::move(how);
-        bytes = log->bytes();
+    void afterEnd() override {
         waiting.clear();
         waitingBytes = 0;
-        ended = true;
-        reportEnd();
         gone.notify_all();
     }
 };
@@ -188,7 +145,11 @@ Result<std::unique_ptr<RecordLog>> RecordLog::start(const Scene& scene, const st
     if (!log) return std::unexpected(log.error());
     impl->log = std::move(*log);
     impl->file = file.string();
-    impl->thread = std::thread([i = impl.get()] { i->run(); });
+    impl->worker.run([i = impl.get()] { i->run(); },
+                     [i = impl.get()] {
+                         const std::scoped_lock lock(i->mutex);
+                         i->come.notify_one();
+                     });
     impl->put({nullptr, std::make_shared<const ChangeSet>(scene.snapshot())});
     {
         std::unique_lock lock(impl->mutex);
@@ -278,20 +239,11 @@ std::uint64_t RecordLog::encoded() const {
 }
 
 std::string RecordLog::failure() const {
-    if (!impl_->ended) return {};
-    const Result<> outcome = impl_->outcome();
-    return outcome ? "" : outcome.error().format();
+    return impl_->ended ? impl_->failure() : std::string();
 }
 
 Result<> RecordLog::stop() {
-    if (impl_->thread.joinable()) {
-        {
-            const std::scoped_lock lock(impl_->mutex);
-            impl_->stopping = true;
-        }
-        impl_->come.notify_one();
-        impl_->thread.join();
-    }
+    impl_->worker.stop();
     return impl_->outcome();
 }
 

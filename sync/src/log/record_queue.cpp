@@ -11,6 +11,7 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/descriptor.h>
 #include <rtsg/sync/change_codec.h>
 
 namespace rtsg {
@@ -21,17 +22,12 @@ namespace {
 class HiddenFile {
   public:
     explicit HiddenFile(std::filesystem::path folder) : folder_(std::move(folder)) {}
-    ~HiddenFile() {
-        if (descriptor_ >= 0) ::close(descriptor_);
-    }
-    HiddenFile(const HiddenFile&) = delete;
-    HiddenFile& operator=(const HiddenFile&) = delete;
 
     Result<> write(std::span<const std::byte> bytes, std::uint64_t at) {
-        if (descriptor_ < 0)
+        if (!descriptor_)
             if (auto ok = open(); !ok) return ok;
         while (!bytes.empty()) {
-            const ssize_t done = ::pwrite(descriptor_, bytes.data(), bytes.size(), static_cast<off_t>(at));
+            const ssize_t done = ::pwrite(descriptor_.get(), bytes.data(), bytes.size(), static_cast<off_t>(at));
             if (done < 0 && errno == EINTR) continue;
             if (done <= 0) return failed("cannot keep frames that wait", done < 0 ? errno : ENOSPC);
             bytes = bytes.subspan(static_cast<std::size_t>(done));
@@ -41,7 +37,7 @@ class HiddenFile {
     }
     Result<> read(std::span<std::byte> bytes, std::uint64_t at) const {
         while (!bytes.empty()) {
-            const ssize_t done = ::pread(descriptor_, bytes.data(), bytes.size(), static_cast<off_t>(at));
+            const ssize_t done = ::pread(descriptor_.get(), bytes.data(), bytes.size(), static_cast<off_t>(at));
             if (done < 0 && errno == EINTR) continue;
             if (done <= 0) return failed("cannot read frames that waited", done < 0 ? errno : EIO);
             bytes = bytes.subspan(static_cast<std::size_t>(done));
@@ -51,14 +47,14 @@ class HiddenFile {
     }
     /// Gives disk space back. If that fails, only the space stays taken.
     void clear() {
-        if (descriptor_ >= 0 && ::ftruncate(descriptor_, 0) != 0) return;
+        if (descriptor_ && ::ftruncate(descriptor_.get(), 0) != 0) return;
     }
 
   private:
     Result<> open() {
         std::string name = (folder_ / "rtsg-frames-XXXXXX").string();
-        descriptor_ = ::mkostemp(name.data(), O_CLOEXEC);
-        if (descriptor_ < 0) return failed("cannot make a file for frames that wait", errno);
+        descriptor_ = Descriptor(::mkostemp(name.data(), O_CLOEXEC));
+        if (!descriptor_) return failed("cannot make a file for frames that wait", errno);
         ::unlink(name.c_str());
         return {};
     }
@@ -67,7 +63,7 @@ class HiddenFile {
     }
 
     std::filesystem::path folder_;
-    int descriptor_ = -1;
+    Descriptor descriptor_;
 };
 
 }  // namespace

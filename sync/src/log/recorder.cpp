@@ -3,17 +3,13 @@
 
 #include <atomic>
 #include <condition_variable>
-#include <cstdio>
-#include <exception>
-#include <functional>
-#include <limits>
-#include <mutex>
-#include <thread>
+#include <utility>
 
 #include <fmt/format.h>
-#include <pthread.h>
 
 #include <rtsg/core/replica.h>
+
+#include "log_thread.h"
 
 namespace rtsg {
 
@@ -24,7 +20,7 @@ constexpr std::uint64_t kMaxAhead = 128;
 
 }  // namespace
 
-struct LogRecorder::Impl {
+struct LogRecorder::Impl final : LogThread {
     /// A state of the scene. Its number begins anew whenever the scene starts over.
     struct Heard {
         std::uint64_t start = 0, state = 0;
@@ -38,19 +34,18 @@ struct LogRecorder::Impl {
         /// An error makes the bus report to the application that the log has ended.
         Result<> apply(const Scene&, const ChangeSet& changes) override {
             if (impl.ended) return impl.outcome();
-            const bool startsOver = changes.isSnapshot() && impl.thread.joinable() && reported.state != 0;
+            const bool startsOver = changes.isSnapshot() && impl.runs && reported.state != 0;
             reported.start += startsOver;
             reported.state = changes.to;
             ring();
             // If somebody counts the starts, the recorder must see each of them.
-            if (impl.thread.joinable() && (impl.whenBehind == WhenBehind::wait || (startsOver && impl.notifies)))
+            if (impl.runs && (impl.whenBehind == WhenBehind::wait || (startsOver && impl.notifies)))
                 impl.waitForRoom(reported, changes.isSnapshot() ? 0 : kMaxAhead);
             return impl.ended ? impl.outcome() : Result<>();
         }
         /// Without this the bus would drop earlier states that are not in the file yet.
         void beforeRestart() override {
-            if (impl.thread.joinable() && (impl.whenBehind == WhenBehind::wait || impl.notifies))
-                impl.waitForRoom(reported, 0);
+            if (impl.runs && (impl.whenBehind == WhenBehind::wait || impl.notifies)) impl.waitForRoom(reported, 0);
         }
         void ring() {
             rung.fetch_add(1, std::memory_order_release);
@@ -68,32 +63,17 @@ struct LogRecorder::Impl {
         std::string subscriberName() const override { return "log acknowledger"; }
     };
 
-    std::string file;
     WhenBehind whenBehind = WhenBehind::merge;
-    std::uint64_t start = 0;  // state of the scene when the recorder was attached
-    std::unique_ptr<LogWriter> log;
+    std::uint64_t start = 0;           // state of the scene when the recorder was attached
     std::unique_ptr<Replica> replica;  // used by the recorder's thread only
     Bell bell{*this};
     Acknowledger acknowledger{*this};
     Attachment bellAttachment, logAttachment, acknowledgerAttachment;
-    std::atomic<bool> stopping{false}, ended{false};
     std::atomic<bool> notifies{false};  // somebody hears what is in the file
-    std::atomic<std::uint64_t> acknowledged{0}, merged{0}, bytes{0};
-    mutable std::mutex mutex;
     mutable std::condition_variable progress;
-    bool begun = false;        // guarded by mutex; the first state is in the file
-    std::uint64_t starts = 0;  // guarded by mutex; how often the scene in the file has started over
-    Result<> result;           // guarded by mutex
-    std::function<void(std::uint64_t, std::uint64_t)> heard;  // guarded by mutex; onAcknowledged()
-    char thrown[160] = {};  // guarded by mutex; the thread's exception: there may be no memory for a string
-    std::thread thread;
-
-    /// The result of the thread, whether it has ended or still runs.
-    Result<> outcome() const {
-        const std::scoped_lock lock(mutex);
-        if (!thrown[0]) return result;
-        return fail(fmt::format("the recorder's thread has ended: {}", thrown), {}, file);
-    }
+    bool begun = false;              // guarded by mutex; the first state is in the file
+    bool runs = false;               // for the scene's thread: the recorder's is there
+    Worker worker{"rtsg recorder"};  // last: its job uses the others
 
     Result<> acknowledge(const Scene& scene, const ChangeSet& changes) {
         if (!logAttachment.attached()) return fail(logAttachment.failure(), {}, file);
@@ -111,12 +91,6 @@ struct LogRecorder::Impl {
         return {};
     }
 
-    /// With `mutex` held: wakes those who wait for states that will never be in the file.
-    void reportEnd() const {
-        constexpr std::uint64_t kAny = std::numeric_limits<std::uint64_t>::max();
-        if (heard) heard(kAny, kAny);
-    }
-
     /// Blocks the scene's thread until at most so many states are not in the file.
     void waitForRoom(const Heard& reported, std::uint64_t maximum) const {
         std::unique_lock lock(mutex);
@@ -126,8 +100,7 @@ struct LogRecorder::Impl {
         });
     }
 
-    /// Runs until it is told to stop or something goes wrong.
-    Result<> follow() {
+    Result<> follow() override {
         std::uint64_t rung = 0;
         // Takes everything as one set, because the log must not begin with the replica's empty state.
         replica->poll();
@@ -138,7 +111,7 @@ struct LogRecorder::Impl {
         for (bool last = false; !last && acknowledgerAttachment.attached() && replica->attached();) {
             bell.rung.wait(rung, std::memory_order_acquire);
             rung = bell.rung.load(std::memory_order_acquire);
-            last = stopping;
+            last = worker.stops();
             replica->drain();
         }
         if (!acknowledgerAttachment.attached()) return fail(acknowledgerAttachment.failure(), {}, file);
@@ -146,34 +119,15 @@ struct LogRecorder::Impl {
         return {};
     }
 
-    /// A log that ends early gets no index, so readers can tell.
-    void run() {
-        ::pthread_setname_np(::pthread_self(), "rtsg recorder");
-        Result<> how;
-        char why[sizeof(thrown)] = {};
-        try {
-            how = follow();
-            acknowledgerAttachment.detach();
-            logAttachment.detach();
-            if (!how)
-                log->abandon();
-            else
-                how = log->close();
-        } catch (const std::exception& e) {
-            std::snprintf(why, sizeof(why), "%s", e.what());
-            log->abandon();
-        }
-        logAttachment = {};
+    void detach() override {
         acknowledgerAttachment = {};
-        replica.reset();
-        const std::scoped_lock lock(mutex);
-        std::snprintf(thrown, sizeof(thrown), "%s", why);
-        result = std::move(how);
-        ended = true;
-        bytes = log->bytes();
-        reportEnd();
-        progress.notify_all();
+        logAttachment = {};
     }
+    void release() override {
+        detach();
+        replica.reset();
+    }
+    void afterEnd() override { progress.notify_all(); }
 };
 
 LogRecorder::LogRecorder(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -195,7 +149,8 @@ Result<std::unique_ptr<LogRecorder>> LogRecorder::start(Scene& scene, const std:
     impl->start = scene.sequence();
     impl->bellAttachment = scene.bus().attach(impl->bell);
     impl->whenBehind = whenBehind;
-    impl->thread = std::thread([i = impl.get()] { i->run(); });
+    impl->runs = true;
+    impl->worker.run([i = impl.get()] { i->run(); }, [i = impl.get()] { i->bell.ring(); });
     if (whenBehind == WhenBehind::wait) {
         std::unique_lock lock(impl->mutex);
         impl->progress.wait(lock, [i = impl.get()] { return i->ended || i->begun; });
@@ -230,17 +185,12 @@ bool LogRecorder::waitFor(std::uint64_t state, std::chrono::milliseconds timeout
 }
 
 std::string LogRecorder::failure() const {
-    const Result<> outcome = impl_->outcome();
-    return outcome ? "" : outcome.error().format();
+    return impl_->failure();
 }
 
 Result<> LogRecorder::stop() {
-    if (impl_->thread.joinable()) {
-        impl_->bellAttachment.detach();
-        impl_->stopping = true;
-        impl_->bell.ring();
-        impl_->thread.join();
-    }
+    if (std::exchange(impl_->runs, false)) impl_->bellAttachment.detach();
+    impl_->worker.stop();
     return impl_->outcome();
 }
 

@@ -8,7 +8,7 @@
 #include <rtsg/core/frame_input.h>
 #include <rtsg/sync/replay.h>
 
-#include "pieces.h"
+#include "log_files.h"
 
 namespace rtsg {
 

@@ -20,7 +20,7 @@
 #include <rtsg/sync/log.h>
 
 #include "index.h"
-#include "pieces.h"
+#include "log_files.h"
 
 namespace rtsg {
 

@@ -9,11 +9,11 @@
 #include <exception>
 #include <mutex>
 #include <set>
-#include <thread>
 #include <utility>
 
 #include <fmt/format.h>
 
+#include <rtsg/core/worker.h>
 #include <rtsg/renderers/denoise.h>
 #include <rtsg/renderers/path_preview.h>
 
@@ -152,16 +152,6 @@ struct LivePicture::Impl {
           size(options.budget) {
         subject.width = options.settings.width, subject.height = options.settings.height;
     }
-    ~Impl() {
-        {
-            const std::scoped_lock lock(mutex);
-            stop = true;
-            ++changes;
-        }
-        news.notify_all();
-        if (thread.joinable()) thread.join();
-    }
-
     SharedWorld& world;
     const LivePictureOptions options;
     std::unique_ptr<LivePictureMaker> maker;
@@ -182,7 +172,7 @@ struct LivePicture::Impl {
     std::shared_ptr<const LivePictureShown> shown;
     LivePictureStatistics statistics;
     std::string failure;
-    bool stop = false, done = false, seen = true;
+    bool done = false, seen = true;
 
     // The thread's own.
     std::uint64_t pictured = 0;  // changes that the newest picture shows
@@ -192,8 +182,8 @@ struct LivePicture::Impl {
     bool isComplete = false, rested = true, eyeRested = false;
     std::optional<Camera> keptBy;  // the eye of the picture whose pixels can be taken over
     int keptWidth = 0;
-    double keptSeconds = 0;  // that the last one took
-    std::thread thread;
+    double keptSeconds = 0;         // that the last one took
+    Worker worker{"rtsg picture"};  // last: its job uses the others
 
     // ---- with `mutex` held -----------------------------------------------------------------------------------
     /// Whether the picture of `next` differs. A frame in which nothing that is seen has changed shares these.
@@ -363,11 +353,11 @@ struct LivePicture::Impl {
 
     Result<> follow() {
         std::unique_lock lock(mutex);
-        while (!stop) {
+        while (!worker.stops()) {
             const std::uint64_t of = changes;
             const Subject what = subject;
             if (!what.state || !seen) {
-                news.wait(lock, [&] { return stop || changes != of; });
+                news.wait(lock, [&] { return worker.stops() || changes != of; });
                 continue;
             }
             Result<> created;
@@ -377,10 +367,10 @@ struct LivePicture::Impl {
                 lock.lock();
                 if (created && changes == of && !isComplete)
                     news.wait_for(lock, std::chrono::duration<double>(options.restsAfter),
-                                  [&] { return stop || changes != of; });
+                                  [&] { return worker.stops() || changes != of; });
             } else if (isGoodEnough()) {
                 rested = done = true;
-                news.wait(lock, [&] { return stop || changes != of; });
+                news.wait(lock, [&] { return worker.stops() || changes != of; });
             } else {
                 rested = true;
                 lock.unlock();
@@ -424,7 +414,12 @@ struct LivePicture::Impl {
 LivePicture::LivePicture(SharedWorld& world, LivePictureOptions options)
     : impl_(std::make_unique<Impl>(world, std::move(options))) {
     if (impl_->maker->ownsNodes()) return;
-    impl_->thread = std::thread([i = impl_.get()] { i->run(); });
+    impl_->worker.run([i = impl_.get()] { i->run(); },
+                      [i = impl_.get()] {
+                          const std::scoped_lock lock(i->mutex);
+                          ++i->changes;
+                          i->news.notify_all();
+                      });
 }
 LivePicture::~LivePicture() = default;
 

@@ -16,10 +16,10 @@
 #include <optional>
 #include <span>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include <rtsg/audio/sound_file.h>
+#include <rtsg/core/worker.h>
 
 namespace rtsg {
 
@@ -91,9 +91,6 @@ class SoundInput {
     enum class Waits : std::uint8_t { yes, no };
 
     SoundInput(int sampleRate, Waits waits, Source source);
-    ~SoundInput();
-    SoundInput(const SoundInput&) = delete;
-    SoundInput& operator=(const SoundInput&) = delete;
 
     /// A named pipe, or "-" for standard input. Nobody need write to it yet. Error: there is no such file.
     static Result<std::shared_ptr<SoundInput>> openPipe(const std::string& path, int sampleRate,
@@ -112,7 +109,7 @@ class SoundInput {
     std::uint64_t gaps() const { return gaps_; }
     std::uint64_t dropped() const { return dropped_; }
     /// Whether the source has ended; samples may still wait.
-    bool ended() const { return ended_; }
+    bool ended() const { return worker_.idle(); }
     /// The reason for the end; empty for a normal end.
     std::string problem() const;
 
@@ -126,7 +123,6 @@ class SoundInput {
     std::atomic<std::size_t> channels_ = 0;               // 0: not known yet, and there is no ring
     std::atomic<std::uint64_t> written_ = 0, taken_ = 0;  // frames
     std::atomic<std::uint64_t> gaps_ = 0, dropped_ = 0;
-    std::atomic<bool> stop_ = false, ended_ = false;
     mutable std::mutex mutex_;
     std::string problem_;
 
@@ -135,7 +131,7 @@ class SoundInput {
     std::int64_t blockFirst_ = std::numeric_limits<std::int64_t>::min();
     bool playing_ = false;  // otherwise it waits until enough samples have arrived
 
-    std::thread thread_;  // last: it uses all of the above
+    Worker worker_{"rtsg sound in"};  // last: it uses all of the above
 };
 
 /// Reads a pipe until it ends or `seconds` of sound have arrived, at the sound's own rate. Calls `goOn` now and then

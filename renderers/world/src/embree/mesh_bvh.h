@@ -12,10 +12,11 @@
 
 #include <memory>
 
+#include <rtsg/core/worker.h>
+
 #include "bvh.h"
 #include "bvh_watch.h"
 #include "trees/versions.h"
-#include "trees/worker.h"
 
 namespace rtsg::bvh {
 

@@ -34,7 +34,7 @@ RayWorld& RayWorld::operator=(RayWorld&& other) noexcept {
 
 RayWorld::Impl::Impl(const Options& o) : options(o), device(o.buildThreads, o.robust) {
     rayWorldsCreated.fetch_add(1, std::memory_order_relaxed);
-    worker = std::make_unique<Worker>(o.background);
+    worker = std::make_unique<Worker>("rtsg world", o.background);
 }
 RayWorld::Impl::~Impl() = default;
 

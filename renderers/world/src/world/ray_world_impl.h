@@ -14,6 +14,7 @@
 #include <string>
 #include <unordered_map>
 
+#include <rtsg/core/worker.h>
 #include <rtsg/renderers/ray_world.h>
 
 #include "embree/mesh_bvh.h"
@@ -23,7 +24,6 @@
 #include "trees/paged.h"
 #include "trees/strokes.h"
 #include "trees/versions.h"
-#include "trees/worker.h"
 
 namespace rtsg {
 

@@ -13,6 +13,7 @@
 #include <string_view>
 #include <vector>
 
+#include <rtsg/core/descriptor.h>
 #include <rtsg/core/diagnostic.h>
 
 namespace rtsg {
@@ -23,9 +24,6 @@ class TileLink {
     static Result<TileLink> connect(const std::string& address);
     /// A connection that was accepted.
     explicit TileLink(int descriptor);
-    TileLink(TileLink&& other) noexcept;
-    TileLink& operator=(TileLink&& other) = delete;
-    ~TileLink();
 
     struct Message {
         std::vector<std::string> words;  // at least one
@@ -43,10 +41,10 @@ class TileLink {
     std::optional<Message> receive();
     /// Empty while it is open. The other side has gone, or sent what is no message.
     const std::string& over() const { return over_; }
-    int descriptor() const { return descriptor_; }
+    int descriptor() const { return descriptor_.get(); }
 
   private:
-    int descriptor_;
+    Descriptor descriptor_;
     std::string in_, out_, over_;
     std::size_t sent_ = 0, taken_ = 0;
 };
@@ -56,17 +54,14 @@ class TileDoor {
   public:
     /// Errors: what the system says; an address that others reach, unless `insecure`.
     static Result<TileDoor> open(const std::string& address, bool insecure);
-    TileDoor(TileDoor&& other) noexcept;
-    TileDoor& operator=(TileDoor&& other) = delete;
-    ~TileDoor();
     std::optional<TileLink> accept();
-    int descriptor() const { return descriptor_; }
+    int descriptor() const { return descriptor_.get(); }
     /// With the real port.
     const std::string& address() const { return address_; }
 
   private:
     TileDoor(int descriptor, std::string address) : descriptor_(descriptor), address_(std::move(address)) {}
-    int descriptor_;
+    Descriptor descriptor_;
     std::string address_;
 };
 

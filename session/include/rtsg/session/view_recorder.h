@@ -4,16 +4,13 @@
 // for which only finish() waits.
 #pragma once
 
-#include <atomic>
-#include <condition_variable>
 #include <memory>
-#include <mutex>
 #include <optional>
 #include <string>
 #include <string_view>
-#include <thread>
 #include <vector>
 
+#include <rtsg/core/worker.h>
 #include <rtsg/renderers/movie_writer.h>
 #include <rtsg/session/notices.h>
 #include <rtsg/sync/log_recorder.h>
@@ -31,29 +28,25 @@ class WindowFilm {
     void show(std::shared_ptr<const LivePictureShown> picture, double seconds);
     /// No more pictures come. What is left is encoded, and the file written, while others go on.
     void end(double seconds);
-    bool isWritten() const { return isWritten_; }
+    bool isWritten() const { return ends_ && worker_.idle(); }
     /// The same, and waits for the file. Errors: those of MovieWriter; it has no picture.
     Result<> finish(double seconds);
 
   private:
     explicit WindowFilm(MovieWriter writer, int width, int height);
-    void run();
-    Result<> encode();
+    Result<> take(std::shared_ptr<const LivePictureShown> next, double seconds, bool ends);
     Result<> write(const LivePictureShown& picture, std::uint64_t until);
 
     MovieWriter writer_;
     const int width_, height_;
     std::shared_ptr<const LivePictureShown> last_;
-    std::mutex mutex_;  // guards what follows
-    std::condition_variable news_;
-    std::shared_ptr<const LivePictureShown> next_;
-    double seconds_ = 0;  // since the start, of the next picture
+    double seconds_ = 0;  // since the start, of the last picture
     bool ends_ = false;
-    Result<> result_;  // the first error; to be read once it is written
-    std::atomic<bool> isWritten_ = false;
-    // The thread's own.
-    std::uint64_t written_ = 0;  // pictures
-    std::thread thread_;         // last: it uses the others
+    // The thread's own, until it is written.
+    std::shared_ptr<const LivePictureShown> before_;
+    Result<> result_;             // the first error
+    std::uint64_t written_ = 0;   // pictures
+    Worker worker_{"rtsg film"};  // last: its jobs use the others
 };
 
 class ViewRecorder {

@@ -1,5 +1,5 @@
 // Escapes text and encodes bytes for pages.
-#include "replay/markup.h"
+#include <rtsg/core/markup.h>
 
 #include <rtsg/core/terminal.h>
 
