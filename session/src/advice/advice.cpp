@@ -111,6 +111,7 @@ class Advising {
     Advising(SharedWorld& world, const AdviceOptions& options) : world_(world), options_(options) {
         start_ = options_.now(), end_ = start_ + options_.seconds;
         advice_.scene = options_.document;
+        senses_ = options_.senses;
     }
 
     Result<Advice> run() {
@@ -118,7 +119,7 @@ class Advising {
         // The first frame: in the file, nothing is yet where behaviours put it.
         if (!options_.runTo(0)) return fail("the scene did not run");
         if (auto ok = world_.update(); !ok) return std::unexpected(ok.error());
-        if (wantsAny({Sense::sound, Sense::rooms}) || options_.senses.empty())
+        if (wantsAny({Sense::sound, Sense::rooms}) || senses_.empty())
             rooms_ = std::make_unique<RoomTrials>(world_, options_);
         chooseSenses();
         if (wants(Sense::pictures))
@@ -171,7 +172,6 @@ class Advising {
     }
 
     void chooseSenses() {
-        senses_ = options_.senses;
         if (senses_.empty()) {
             if (world_.rays().stats().traced > 0) senses_.push_back(Sense::pictures);
             if (rooms_ && rooms_->any()) senses_.insert(senses_.end(), {Sense::sound, Sense::rooms});

@@ -1,7 +1,5 @@
 // Tries the settings of pictures, against two long pictures by path with other seeds.
 #include <algorithm>
-#include <array>
-#include <numeric>
 #include <thread>
 
 #include <fmt/format.h>
@@ -16,7 +14,7 @@ namespace {
 
 constexpr int kBlock = 16, kMinWidth = 64, kReference = 128, kMaxReference = 4096, kMinReference = 8;
 constexpr int kTrialSamples = 1 + 4 + 16 + 64 + 1 + 4 + 16 + 16;
-constexpr double kFractionForTrials = .75;
+constexpr double kFractionForTrials = .75, kFractionForTruth = .5;
 constexpr double kToSay = .02;  // of the light: less is not worth a sentence
 
 struct Shot {
@@ -134,21 +132,46 @@ class PictureTrials {
                             std::min(kMinWidth, asked().width), asked().width);
         if (scale >= 1) width_ = asked().width;
         height_ = std::max(1, static_cast<int>(std::lround(double(width_) * asked().height / asked().width)));
-        reference_ = static_cast<int>(
+        wanted_ = static_cast<int>(
             std::clamp((samples / pixels() - kTrialSamples) / 2, double(kMinReference), double(kMaxReference)));
         return true;
+    }
+
+    /// Adds to the two long pictures by turns, so that both are there whenever the time for them is up.
+    Result<> takeTruth() {
+        const double end = time_.now() + kFractionForTruth * time_.left();
+        const int each = std::clamp(wanted_ / 8, 4, 64);
+        std::uint64_t seed = options_.seed;
+        while (reference_ < wanted_ && (reference_ == 0 || time_.now() < end)) {
+            Shot halves[2];
+            for (Shot& half : halves) {
+                auto found = take({.samples = each, .seed = ++seed}, width_, height_);
+                if (!found && time_.goesOn()) return std::unexpected(found.error());
+                if (!found || found->stats.cancelled) return {};
+                half = *std::move(found);
+            }
+            addTo(a_, halves[0], each), addTo(b_, halves[1], each);
+            reference_ += each;
+        }
+        return {};
+    }
+    void addTo(Shot& sum, Shot& part, int samples) const {
+        sum.seconds += part.seconds;
+        if (reference_ == 0) {
+            sum.picture = std::move(part.picture);
+            return;
+        }
+        const float weight = static_cast<float>(samples) / static_cast<float>(reference_ + samples);
+        for (std::size_t i = 0; i < sum.picture.pixels.size(); ++i)
+            sum.picture.pixels[i] += (part.picture.pixels[i] - sum.picture.pixels[i]) * weight;
     }
 
     Result<> tryAll() {
         auto sized = chooseSize();
         if (!sized) return std::unexpected(sized.error());
         if (!*sized) return {};
-        for (Shot* half : {&a_, &b_}) {
-            auto found = shot({.samples = reference_, .seed = options_.seed + (half == &a_ ? 1 : 2)}, width_, height_);
-            if (!found) return std::unexpected(found.error());
-            if (!*found) return {};
-            *half = std::move(**found);
-        }
+        if (auto ok = takeTruth(); !ok) return ok;
+        if (reference_ == 0) return {};
         mean_ = 0;
         for (std::size_t i = 0; i < a_.picture.pixels.size(); ++i)
             mean_ += double(sumOf(a_.picture.pixels[i]) + sumOf(b_.picture.pixels[i])) / 6 / pixels();
@@ -156,7 +179,7 @@ class PictureTrials {
         constexpr Integrator kPath = Integrator::path, kWhitted = Integrator::whitted;
         for (const ShotSettings& wanted :
              {ShotSettings{kWhitted, 1}, ShotSettings{kPath, 1}, ShotSettings{kWhitted, 4}, ShotSettings{kPath, 4},
-              ShotSettings{kPath, 16, 1, false, true}, ShotSettings{kWhitted, 16}, ShotSettings{kWhitted, 4, 1, true},
+              ShotSettings{kWhitted, 4, 1, true}, ShotSettings{kPath, 16, 1, false, true}, ShotSettings{kWhitted, 16},
               ShotSettings{kPath, 64}}) {
             if (wanted.integrator == kPath && wanted.samples > 2 * reference_) continue;
             if (auto ok = tryOne(wanted); !ok) return ok;
@@ -212,7 +235,7 @@ class PictureTrials {
                               double(sumOf(picture.pixels[i]));
             (difference > 0 ? lacks : extra) += std::abs(difference) / 3;
         });
-        lacks_ = lacks / (mean_ * pixels()), extra_ = extra / (mean_ * pixels());
+        lacks_ = lacks / (mean_ * pixels()), extra_ = extra / (mean_ * pixels()), isCompared_ = true;
     }
 
     void addToPath(const Trial& trial, int samples, double cpu) {
@@ -220,13 +243,16 @@ class PictureTrials {
             pathOne_ = cpu;
         else
             path_.perSample = (cpu - pathOne_) / (samples - 1);
-        samplesOfPath_ = std::max(samplesOfPath_, samples);
-        if (!(trial.error > 0)) return;
-        const double weight = 1 / std::max(1e-4, std::pow(trial.interval / trial.error, 2));
-        const double square = trial.error * trial.error * samples;
-        weights_ += weight, squares_ += weight * square;
-        path_.errorOfOne = std::sqrt(squares_ / weights_);
-        path_.interval = path_.errorOfOne / std::sqrt(weights_);
+        if (trial.error > 0) {
+            // The last two errors say how fast it falls.
+            if (samplesOfPath_ > 0 && lastError_ > 0)
+                path_.power =
+                    std::clamp(std::log(lastError_ / trial.error) / std::log(double(samples) / samplesOfPath_),
+                               kIndependent, kEven);
+            path_.errorOfOne = trial.error * std::pow(samples, path_.power);
+            path_.relativeInterval = trial.interval / trial.error;
+        }
+        lastError_ = trial.error, samplesOfPath_ = samples;
     }
 
     /// A picture of one sample at the asked size says what the smaller size got wrong about costs.
@@ -260,8 +286,8 @@ class PictureTrials {
             if (samples <= samplesOfPath_ || samples > kMaxSamples) continue;
             table_.trials.push_back({fmt::format("--integrator path --spp {:.0f}", samples),
                                      {path_.costOf(samples)},
-                                     path_.errorOfOne / std::sqrt(samples),
-                                     path_.interval / std::sqrt(samples),
+                                     path_.errorAt(samples),
+                                     path_.errorAt(samples) * path_.relativeInterval,
                                      true});
         }
         for (const double error : {.1, .05, .02}) {
@@ -270,8 +296,8 @@ class PictureTrials {
             if (samples > kMaxByError) break;
             table_.trials.push_back({fmt::format("--integrator path --error {}", figure(error)),
                                      {path_.costOf(samples)},
-                                     path_.errorOfOne / std::sqrt(samples),
-                                     path_.interval / std::sqrt(samples),
+                                     path_.errorAt(samples),
+                                     path_.errorAt(samples) * path_.relativeInterval,
                                      true});
         }
         table_.path = path_;
@@ -283,8 +309,8 @@ class PictureTrials {
         table_.how = fmt::format(
             "Errors are the root mean square over the pixels of {} x {}, in linear light, divided by the mean, against "
             "two "
-            "pictures by path of {} samples; costs are of {} x {}. Predicted: by 1 / sqrt(samples).",
-            width_, height_, reference_, asked().width, asked().height);
+            "pictures by path of {} samples; costs are of {} x {}. Predicted: error as 1 / samples^{:.2g}.",
+            width_, height_, reference_, asked().width, asked().height, path_.power);
     }
 
     std::string command(const std::string& setting) const {
@@ -325,7 +351,7 @@ class PictureTrials {
                 fmt::format("Light that is not there, such as by ambient terms, is {:.0f} % in pictures by "
                             "whitted",
                             100 * extra_));
-        if (lacks_ <= kToSay && extra_ <= kToSay && whittedOne_ > 0)
+        if (isCompared_ && lacks_ <= kToSay && extra_ <= kToSay)
             out.push_back("whitted has the same light as path, within 2 %");
         sayUnseen();
     }
@@ -384,20 +410,20 @@ class PictureTrials {
         plan.pictureError = best->error;
     }
 
-    static constexpr double kMaxSamples = 1 << 20, kMaxByError = 16384;
+    static constexpr double kMaxSamples = 1 << 20, kMaxByError = 16384, kIndependent = .5, kEven = .75;
 
     LightRenderer& light_;
     const AdviceOptions& options_;
     const TrialTime& time_;
     const double seconds_;
     AdviceTable table_;
-    int width_ = 0, height_ = 0, reference_ = 0, samplesOfPath_ = 0;
+    int width_ = 0, height_ = 0, wanted_ = 0, reference_ = 0, samplesOfPath_ = 0;
     Shot a_, b_;
     std::optional<RenderStats> stats_;
     PathCost path_;
     std::uint64_t secondaryRays_ = 0;
-    double mean_ = 0, lacks_ = 0, extra_ = 0, whittedOne_ = 0, pathOne_ = 0, weights_ = 0, squares_ = 0;
-    bool isKnown_ = false;
+    double mean_ = 0, lacks_ = 0, extra_ = 0, whittedOne_ = 0, pathOne_ = 0, lastError_ = 0;
+    bool isKnown_ = false, isCompared_ = false;
 };
 
 }  // namespace
@@ -440,8 +466,8 @@ Result<BudgetChoice> chooseFor(LightRenderer& light, const ImageOptions& image, 
         }
     const PathCost& path = *table->path;
     const double samples = std::min(std::floor((left - path.fixed) / std::max(path.perSample, 1e-12)), 1048576.0);
-    if (samples >= 1 && !(choice.expectedError <= path.errorOfOne / std::sqrt(samples))) {
-        choice.expectedError = path.errorOfOne / std::sqrt(samples);
+    if (samples >= 1 && !(choice.expectedError <= path.errorAt(samples))) {
+        choice.expectedError = path.errorAt(samples);
         settings.integrator = Integrator::path, settings.samplesPerPixel = static_cast<int>(samples);
         settings.colorSpace = image.settings.colorSpace;
     }

@@ -15,8 +15,8 @@ namespace rtsg::advice {
 namespace {
 
 constexpr std::size_t kMaxSources = 4, kFirstBand = 2, kLastBand = 7;  // 125 Hz to 4 kHz
-constexpr std::uint64_t kPilotRays = 500, kMinTruth = 4000, kMaxTruth = 1'000'000, kOfOrders = 8000;
-constexpr double kFractionForTruth = .4;
+constexpr std::uint64_t kPilotRays = 500, kMinTruth = 2000, kMaxTruth = 1'000'000, kOfOrders = 8000;
+constexpr double kPartForTruth = .4;
 constexpr Bands RoomMetrics::* kFigures[] = {&RoomMetrics::edt, &RoomMetrics::t20, &RoomMetrics::c80, &RoomMetrics::d50,
                                              &RoomMetrics::g};
 
@@ -107,7 +107,7 @@ struct RoomTrials::Impl {
         if (!time->goesOn()) return;
         perRay = std::max(1e-9, (more.seconds - few.seconds) / (7.0 * kPilotRays));
         fixed = std::max(0.0, few.seconds - perRay * kPilotRays);
-        const double rays = (kFractionForTruth * time->left() / 2 - fixed) / perRay;
+        const double rays = (kPartForTruth * time->left() / 2 - fixed) / perRay;
         if (rays < kMinTruth) return;
         reference = std::min(static_cast<std::uint64_t>(rays), kMaxTruth);
         TraceOptions exact = tracing(reference, 2);
@@ -140,9 +140,9 @@ struct RoomTrials::Impl {
             trial.options = tracing(rays, diffraction), trial.rays = rays;
             list.push_back(std::move(trial));
         };
-        add(kOfOrders, 2), add(kOfOrders, 1), add(kOfOrders, 0);
-        for (std::uint64_t rays = kPilotRays; rays <= reference / 4; rays *= 4)
-            if (rays != kOfOrders) add(rays, 2);
+        for (std::uint64_t rays = kPilotRays; rays < kOfOrders; rays *= 4) add(rays, 2);
+        for (const int order : {2, 1, 0}) add(kOfOrders, order);
+        for (std::uint64_t rays = 4 * kOfOrders; rays <= reference / 4; rays *= 4) add(rays, 2);
         run(list, rooms, asksHeard ? .5 : 1);
     }
 
@@ -203,11 +203,11 @@ struct RoomTrials::Impl {
     }
 
     /// What edges in a row bring, as differences with the same rays.
-    void sayOrders(const std::vector<SettingTrial>& trials, const std::function<double(const SettingTrial&)>& cost,
-                   AdviceTable& table, Plan& plan) const {
+    void sayOrders(const std::vector<SettingTrial>& trials, std::uint64_t rays,
+                   const std::function<double(const SettingTrial&)>& cost, AdviceTable& table, Plan& plan) const {
         const auto of = [&](int order) {
             return std::ranges::find_if(trials, [&](const SettingTrial& trial) {
-                return trial.options.diffractionOrder == order && trial.rays == trials.front().rays;
+                return trial.options.diffractionOrder == order && trial.rays == rays;
             });
         };
         constexpr const char* kWhat[] = {"One edge, and round bodies,", "Two edges in a row"};
@@ -260,7 +260,7 @@ struct RoomTrials::Impl {
             markBeaten(table.trials);
             sayCheapest(table, "--metrics ", "");
             Plan ignored;
-            sayOrders(rooms, [](const SettingTrial& trial) { return trial.cpu; }, table, ignored);
+            sayOrders(rooms, kOfOrders, [](const SettingTrial& trial) { return trial.cpu; }, table, ignored);
             advice.tables.push_back(std::move(table));
         }
         if (!asksHeard) return;
@@ -281,7 +281,7 @@ struct RoomTrials::Impl {
             " The errors are those of one response that is heard; costs are those of the first {} s.", figure(seconds));
         markBeaten(table.trials);
         sayCheapest(table, "-o OUT.wav ", "");
-        sayOrders(played, costOf, table, advice.plan);
+        sayOrders(played, AcousticOptions::kHeardRays, costOf, table, advice.plan);
         choose(table, advice.plan);
         advice.tables.push_back(std::move(table));
     }

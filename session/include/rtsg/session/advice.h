@@ -7,6 +7,7 @@
 // Threading: advise() on the scene's thread; trials use as many threads as AdviceOptions::cores.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <functional>
@@ -40,11 +41,16 @@ struct Trial {
 /// Sets Trial::beaten of all trials; those without an error neither beat nor are beaten.
 void markBeaten(std::span<Trial> trials);
 
-/// The error of 1 / sqrt(samples) that path tracing has: `error` at one sample, and costs of a picture in CPU seconds.
+/// How error and cost of pictures by path depend on their samples: `errorOfOne` / samples^power, and CPU seconds. The
+/// power is .5 for independent samples, and more where even ones help.
 struct PathCost {
-    double errorOfOne = 0, interval = 0, fixed = 0, perSample = 0;
+    double errorOfOne = 0, power = .5, relativeInterval = 0, fixed = 0, perSample = 0;
+
+    double errorAt(double samples) const { return errorOfOne * std::pow(samples, -power); }
     /// The least samples for an error above 0, and the cost of so many.
-    double samplesFor(double error) const { return std::ceil(errorOfOne * errorOfOne / (error * error) - 1e-9); }
+    double samplesFor(double error) const {
+        return std::max(1.0, std::ceil(std::pow(errorOfOne / error, 1 / power) - 1e-9));
+    }
     double costOf(double samples) const { return fixed + perSample * samples; }
 };
 
