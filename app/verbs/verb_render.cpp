@@ -264,6 +264,18 @@ Result<std::optional<BudgetReport>> applyBudget(const RenderArguments& options, 
     return report;
 }
 
+std::string interruptedText(const RenderArguments& options, int written) {
+    return written == 0 ? fmt::format("interrupted: {} was not written", options.out)
+                        : fmt::format("interrupted: {} of {} frames were written", written, options.frames);
+}
+
+void printFound(const RenderArguments& options, const SharedWorld& world, const PictureMaker& maker) {
+    Diagnostics found = world.diagnostics();
+    found.append(maker.diagnostics());
+    found.setFile(options.scene);
+    print(found);
+}
+
 int render(RenderArguments options) {
     checkBudget(options);
     if (auto ok = takePlan(options); !ok) return printError(ok.error()), kBad;
@@ -312,10 +324,7 @@ int render(RenderArguments options) {
     maker.addNotes(notesOf(options, image, running, session));
     const double cpu = static_cast<double>(std::clock());
     auto budget = applyBudget(options, maker, image);
-    if (!budget)
-        return printError(interrupted() ? fmt::format("interrupted: {} was not written", options.out)
-                                        : budget.error().text),
-               kBad;
+    if (!budget) return printError(interrupted() ? interruptedText(options, 0) : budget.error().text), kBad;
     const Progress progress = progressBar("rendering " + options.out);
     int finished = 0;
     animation.progress = [&](int done) {
@@ -333,16 +342,9 @@ int render(RenderArguments options) {
     const auto written = maker.write(options.out, image, animation, options.picture.toneMap());
     if (progress) progress(1, 1);
     running.reportDiagnostics();
-    Diagnostics found = world.diagnostics();
-    found.append(maker.diagnostics());
-    found.setFile(options.scene);
-    print(found);
+    printFound(options, world, maker);
     if (!written) return printError(written.error()), kBad;
-    if (*written < options.frames) {
-        printError(*written == 0 ? fmt::format("interrupted: {} was not written", options.out)
-                                 : fmt::format("interrupted: {} of {} frames were written", *written, options.frames));
-        return kBad;
-    }
+    if (*written < options.frames) return printError(interruptedText(options, *written)), kBad;
     if (*budget) (*budget)->cpuSeconds = (static_cast<double>(std::clock()) - cpu) / CLOCKS_PER_SEC;
     reportResult(options, image.settings, all, maker.content(), running.world().cuts(), *budget);
     if (const std::string missing = missingError(options.picture.error, all.error, all.unreached); !missing.empty())
