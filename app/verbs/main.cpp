@@ -21,6 +21,7 @@
 #include "extensions.h"
 #include "hints.h"
 #include "say.h"
+#include "verb_advise.h"
 #include "verb_measure.h"
 #include "version.h"
 
@@ -33,7 +34,7 @@ std::vector<Verb> addVerbs(Command& program) {
                             addRecord(program), addReplay(program),   addPick(program),    addBench(program),
                             addChart(program),  addRelay(program),    addDiff(program),    addMeasure(program),
                             addView(program),   addTouch(program),    addKeys(program),    addMerge(program),
-                            addTop(program),    addAssemble(program)};
+                            addTop(program),    addAssemble(program), addAdvise(program)};
     verbs.push_back(addCompletion(program));
     verbs.push_back(addHelp(program));  // last, because it needs the verbs before
     return verbs;

@@ -12,6 +12,7 @@
 #include <rtsg/audio/sound_file.h>
 #include <rtsg/core/output_file.h>
 #include <rtsg/renderers/picture.h>
+#include <rtsg/session/advice.h>
 #include <rtsg/session/output_maker.h>
 #include <rtsg/session/running_scene.h>
 
@@ -27,7 +28,7 @@ namespace rtsg::app {
 namespace {
 
 struct ListenArguments {
-    std::string scene, out, duration = "5s", ir, irLength, report;
+    std::string scene, out, duration = "5s", ir, irLength, report, plan;
     std::vector<std::string> positions, maps;
     std::string noise, voice = "male", grid, figure = "STI";
     double speechLevel = SpeechOptions().level;
@@ -48,6 +49,17 @@ struct ListenArguments {
         return options;
     }
 };
+
+/// Takes over what a plan has and nobody typed.
+Result<> takeSoundPlan(ListenArguments& options, const std::vector<std::string>& typed) {
+    if (options.plan.empty()) return {};
+    const auto plan = Plan::read(options.plan);
+    if (!plan) return std::unexpected(plan.error());
+    const auto isTyped = [&](std::string_view option) { return std::ranges::find(typed, option) != typed.end(); };
+    if (plan->quality && !isTyped("--quality") && !isTyped("--rays")) options.sound.quality = *plan->quality;
+    if (plan->diffraction && !isTyped("--diffraction")) options.sound.diffraction = *plan->diffraction;
+    return {};
+}
 
 /// Plays the sound while the scene runs in real time.
 int listenLive(const ListenArguments& options) {
@@ -285,6 +297,7 @@ Verb addListen(Command& program) {
     command->addOption("--for", options->duration, "how long")->preset();
     command->addFlag("--live", options->live, "play it now, on a sound device");
     command->addOption("--device", options->device, "with --live; without it, the default device");
+    command->addOption("--plan", options->plan, "settings that rtsg advise --plan found; what is typed counts more");
     options->start.addTo(*command);
     {
         const Command::Section section(*command, "Figures of the room");
@@ -329,7 +342,10 @@ Verb addListen(Command& program) {
     options->sent.addTo(*command);
     options->resources.addTo(*command);
     command->footer("Example: rtsg listen hall.x3dv -o hall.wav --for 5s --binaural --metrics");
-    return {command, [options] { return listenTo(*options); }};
+    return {command, [command, options]() -> int {
+                if (auto ok = takeSoundPlan(*options, command->given()); !ok) return printError(ok.error()), kBad;
+                return listenTo(*options);
+            }};
 }
 
 }  // namespace rtsg::app

@@ -1,5 +1,7 @@
 // rtsg render: makes a picture or an animation of a scene.
 #include <algorithm>
+#include <cmath>
+#include <ctime>
 #include <filesystem>
 #include <functional>
 #include <iterator>
@@ -8,6 +10,7 @@
 #include <fmt/format.h>
 
 #include <rtsg/ogre/ogre_renderer.h>
+#include <rtsg/session/advice.h>
 #include <rtsg/session/output_maker.h>
 #include <rtsg/session/provenance.h>
 #include <rtsg/session/running_scene.h>
@@ -33,8 +36,36 @@ struct RenderArguments {
     int frames = 1;
     double fps = 25;
     PictureArguments picture;
+    std::string plan, budget;
+    std::vector<std::string> typed;  // options by their long names
     bool json = false;
+
+    bool isTyped(std::string_view option) const { return std::ranges::find(typed, option) != typed.end(); }
+    double budgetSeconds() const { return budget.empty() ? 0 : parseSeconds(budget); }
 };
+
+/// Takes over what a plan has and nobody typed. Throws UsageError.
+Result<> takePlan(RenderArguments& options) {
+    if (options.plan.empty()) return {};
+    auto plan = Plan::read(options.plan);
+    if (!plan) return std::unexpected(plan.error());
+    if (plan->integrator && !options.isTyped("--integrator")) {
+        options.picture.integrator = *plan->integrator;
+        if (plan->linear && !options.isTyped("--color-space")) options.picture.colorSpace = "linear";
+    }
+    if (plan->samples && !options.isTyped("--spp") && !options.isTyped("--error"))
+        options.picture.samples = *plan->samples;
+    return {};
+}
+
+/// Throws UsageError for what a budget decides by itself, or cannot be combined with.
+void checkBudget(const RenderArguments& options) {
+    if (options.budget.empty()) return;
+    if (!(options.budgetSeconds() > 0)) throw UsageError("--budget", "must be more than 0");
+    for (const char* option :
+         {"--integrator", "--spp", "--error", "--color-space", "--plan", "--tile", "--stereo", "--layers"})
+        if (options.isTyped(option)) throw UsageError("--budget", fmt::format("cannot be combined with {}", option));
+}
 
 struct LayerName {
     const char* name;
@@ -107,6 +138,10 @@ class PictureMaker {
             light_ = std::make_unique<LightRenderer>(world, std::move(options));
         if (light_) extensions().registerWith(*light_);
     }
+    /// The best settings for so many CPU seconds a picture. Precondition: not by OGRE.
+    Result<BudgetChoice> chooseFor(const ImageOptions& image, double cpuSeconds) {
+        return rtsg::chooseFor(*light_, image, cpuSeconds, [] { return !interrupted(); });
+    }
     Result<> remember(const ImageOptions& image) { return light_ ? light_->remember(image) : Result<>(); }
     Result<int> write(const std::string& file, const ImageOptions& image, const AnimationOptions& animation,
                       const ToneMap& toneMap) {
@@ -136,13 +171,30 @@ class PictureMaker {
     std::function<PictureNotes()> notes_;
 };
 
+/// The error of pictures for a budget: that of path is measured, that of whitted was found by trials.
+struct BudgetReport {
+    double expected = 0, cpuSeconds = 0;
+    bool path = false;
+    double error(const RenderStats& all) const { return path ? noiseOverMean(all) : expected; }
+};
+
+std::string budgetJson(const BudgetReport& budget, const RenderStats& all) {
+    const auto number = [](double value) { return std::isfinite(value) ? fmt::format("{:.4g}", value) : "null"; };
+    return fmt::format(",\"integrator\":\"{}\",\"rms_over_mean\":{},\"expected_error\":{},\"cpu_seconds\":{:.4g}",
+                       budget.path ? "path" : "whitted", number(budget.error(all)), number(budget.expected),
+                       budget.cpuSeconds);
+}
+
 /// `all` has, over all frames, the largest missing light, error and noise, and the means of samples and kept pixels.
 void reportResult(const RenderArguments& options, const RenderSettings& settings, const RenderStats& all,
-                  const Content& content, const std::optional<Flattener::Cuts>& cuts) {
+                  const Content& content, const std::optional<Flattener::Cuts>& cuts,
+                  const std::optional<BudgetReport>& budget) {
     if (const auto warning = hiddenLightWarning(options.scene, all.hiddenLight)) say(*warning);
     if (options.json) {
         std::string more;
-        if (settings.error > 0)
+        if (budget)
+            more = budgetJson(*budget, all);
+        else if (settings.error > 0)
             more =
                 fmt::format(",\"error\":{:.4g},\"rms_over_mean\":{:.4g},\"unreached\":{:.4g},\"hidden_light\":{:.4g}",
                             all.error, noiseOverMean(all), all.unreached, all.hiddenLight);
@@ -163,7 +215,11 @@ void reportResult(const RenderArguments& options, const RenderSettings& settings
                : drawn                ? "drawing and tracing"
                                       : "tracing",
                options.frames == 1 || drawn ? "" : keptText(all.kept));
-    if (settings.error > 0)
+    if (budget)
+        fmt::print("--integrator {} --spp {:.0f}: error {:.2g} of the mean (expected: {:.2g}), {:.2g} CPU-s of {}\n",
+                   budget->path ? "path" : "whitted", all.samples, budget->error(all), budget->expected,
+                   budget->cpuSeconds, options.budget);
+    else if (settings.error > 0)
         fmt::print("error {:.2g} (asked: {:g}), noise {:.2g} of the mean, with {:.0f} samples a pixel\n", all.error,
                    settings.error, noiseOverMean(all), all.samples);
     if (const auto warning = hiddenLightWarning(options.scene, all.hiddenLight)) say(*warning);
@@ -195,7 +251,34 @@ std::function<PictureNotes()> notesOf(const RenderArguments& options, const Imag
     };
 }
 
+/// Chooses the settings for --budget, if it is given.
+Result<std::optional<BudgetReport>> applyBudget(const RenderArguments& options, PictureMaker& maker,
+                                                ImageOptions& image) {
+    if (options.budget.empty()) return std::nullopt;
+    auto chosen = maker.chooseFor(image, options.budgetSeconds());
+    if (!chosen) return std::unexpected(chosen.error());
+    image = chosen->best;
+    BudgetReport report{chosen->expectedError, 0, image.settings.integrator == Integrator::path};
+    // Then the picture says which error it has reached.
+    if (report.path) image.settings.error = 1e-6F;
+    return report;
+}
+
+std::string interruptedText(const RenderArguments& options, int written) {
+    return written == 0 ? fmt::format("interrupted: {} was not written", options.out)
+                        : fmt::format("interrupted: {} of {} frames were written", written, options.frames);
+}
+
+void printFound(const RenderArguments& options, const SharedWorld& world, const PictureMaker& maker) {
+    Diagnostics found = world.diagnostics();
+    found.append(maker.diagnostics());
+    found.setFile(options.scene);
+    print(found);
+}
+
 int render(RenderArguments options) {
+    checkBudget(options);
+    if (auto ok = takePlan(options); !ok) return printError(ok.error()), kBad;
     options.out = options.picture.fileOf(options.out);
     ImageOptions image = options.picture.parse(true);
     (void)options.picture.tessellationError();  // throws
@@ -239,6 +322,9 @@ int render(RenderArguments options) {
     animation.start = running.start() + time;
     animation.runTo = [&](double t) { running.frameAt(t); };
     maker.addNotes(notesOf(options, image, running, session));
+    const double cpu = static_cast<double>(std::clock());
+    auto budget = applyBudget(options, maker, image);
+    if (!budget) return printError(interrupted() ? interruptedText(options, 0) : budget.error().text), kBad;
     const Progress progress = progressBar("rendering " + options.out);
     int finished = 0;
     animation.progress = [&](int done) {
@@ -256,17 +342,11 @@ int render(RenderArguments options) {
     const auto written = maker.write(options.out, image, animation, options.picture.toneMap());
     if (progress) progress(1, 1);
     running.reportDiagnostics();
-    Diagnostics found = world.diagnostics();
-    found.append(maker.diagnostics());
-    found.setFile(options.scene);
-    print(found);
+    printFound(options, world, maker);
     if (!written) return printError(written.error()), kBad;
-    if (*written < options.frames) {
-        printError(*written == 0 ? fmt::format("interrupted: {} was not written", options.out)
-                                 : fmt::format("interrupted: {} of {} frames were written", *written, options.frames));
-        return kBad;
-    }
-    reportResult(options, image.settings, all, maker.content(), running.world().cuts());
+    if (*written < options.frames) return printError(interruptedText(options, *written)), kBad;
+    if (*budget) (*budget)->cpuSeconds = (static_cast<double>(std::clock()) - cpu) / CLOCKS_PER_SEC;
+    reportResult(options, image.settings, all, maker.content(), running.world().cuts(), *budget);
     if (const std::string missing = missingError(options.picture.error, all.error, all.unreached); !missing.empty())
         return printError("missing: " + missing), kBad;
     return kDone;
@@ -289,6 +369,10 @@ Verb addRender(Command& program) {
         "inject an event, as in rtsg run: DEF.field=VALUE@TIME; or pointer=, key=, text=, wheel=, head=");
     options->start.addTo(*command);
     command->addFlag("--json", options->json, "a summary as JSON");
+    command->addOption("--plan", options->plan, "settings that rtsg advise --plan found; what is typed counts more");
+    command->addOption(
+        "--budget", options->budget,
+        "CPU time of all threads for a picture, such as 2s: takes the integrator and samples with the smallest error");
     {
         const Command::Section section(*command, "Pictures");
         command->addOption(
@@ -314,7 +398,10 @@ Verb addRender(Command& program) {
     }
     options->resources.addTo(*command);
     command->footer("Example: rtsg render hall.x3dv -o hall.png --size 960x540 --time 2.5s --spp 16");
-    return {command, [options] { return render(*options); }};
+    return {command, [command, options]() -> int {
+                options->typed = command->given();
+                return render(*options);
+            }};
 }
 
 }  // namespace rtsg::app

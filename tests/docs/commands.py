@@ -21,6 +21,8 @@ ROOT = pathlib.Path(__file__).parent.parent.parent
 NOT_RUN = {
     "bench": "measures for minutes; test_bench_scenes and test_sync run the benches small",
     "chart": "measures for minutes",
+    "advise": "measures as long as it is allowed to; app.Advise has it",
+    "plan.txt": "is what advise writes; app.Advise has one",
     "nats://": "needs a NATS server; app.NatsOption has one",
     "build/workshop.so": "a plug-in that is built first; test_plugins has it",
     "https://": "is on a network; app.NetworkOptions has a server of its own",
