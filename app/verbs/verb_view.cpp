@@ -193,8 +193,12 @@ class Viewing {
         source_->wakeBy([w = window_.get()] { w->wake(); });
         return {};
     }
-    /// Ends the files that were written of this scene.
+    /// Ends the files that were written of this scene. A file that was dropped while the next scene was read comes
+    /// after it.
     void close() {
+        (void)window_->poll(std::chrono::milliseconds(0));
+        if (const std::vector<std::string> dropped = window_->takeDropped(); !dropped.empty())
+            wanted_ = named(dropped.back());
         if (auto ok = recorder_.finish(); !ok) printError(ok.error());
         sound_.reset();
         touch_.reset();

@@ -106,8 +106,11 @@ py::dict fieldTypes(const NodeObject& object) {
     return types;
 }
 
+/// Of a node that is gone, what all nodes have: dir() raises nothing.
 py::list directory(const NodeObject& object) {
-    py::list names(fieldNames(object));
+    const bool isThere =
+        !object.handle->isClosed() && object.handle->isHere() && object.handle->scene().find(object.id);
+    py::list names = isThere ? py::list(fieldNames(object)) : py::list();
     for (const char* const own : {"def_name", "type_name", "node_id", "field_names", "field_types", "is_alive",
                                   "parent_nodes", "send_event", "add_child", "remove_child", "text_of"})
         names.append(own);

@@ -373,3 +373,12 @@ def test_fields_leak_nothing(moving):
         moving.snapshot()
 
     assert grows(work, 4_000) < 8e6
+
+
+def test_dir_of_a_node_that_is_gone_raises_nothing(moving):
+    box, view = moving["BOX"], moving["VIEW"]
+    assert "translation" in dir(box)
+    moving.remove(box)
+    assert "translation" not in dir(box) and "is_alive" in dir(box)
+    moving.close()
+    assert "is_alive" in dir(view)

@@ -1,6 +1,7 @@
 // Watches the files of a running scene, and carries edits over to the scene.
 #include "run/followed_file.h"
 
+#include <map>
 #include <utility>
 
 #include <fmt/format.h>
@@ -9,8 +10,8 @@
 
 namespace rtsg {
 
-FollowedFile::FollowedFile(Scene& scene, std::string file, Resources resources, std::string clip,
-                           SessionContext context)
+FollowedFile::FollowedFile(Scene& scene, std::string file, const std::optional<Look>& before, Resources resources,
+                           std::string clip, SessionContext context)
     : scene_(scene),
       file_(std::move(file)),
       clip_(std::move(clip)),
@@ -18,20 +19,33 @@ FollowedFile::FollowedFile(Scene& scene, std::string file, Resources resources, 
       context_(context),
       document_(scene),
       within_(document_.filesWithin(resources_)),
-      followed_(look()),
+      followed_(lookAfter(before ? std::vector<Look>{*before} : std::vector<Look>{})),
       last_(followed_) {}
+
+std::optional<FollowedFile::Look> FollowedFile::lookAt(const std::filesystem::path& file) {
+    std::error_code error;
+    Look one{file, std::filesystem::last_write_time(file, error)};
+    if (!error) one.bytes = std::filesystem::file_size(file, error);
+    return error ? std::nullopt : std::optional(std::move(one));
+}
 
 std::vector<FollowedFile::Look> FollowedFile::look() const {
     std::vector<Look> all;
     const auto add = [&](const std::filesystem::path& file) {
-        std::error_code error;
-        Look one{file, std::filesystem::last_write_time(file, error)};
-        if (!error) one.bytes = std::filesystem::file_size(file, error);
-        if (!error)
-            all.push_back(std::move(one));  // one that is not there: an editor may be about to put another there
+        if (auto one = lookAt(file))
+            all.push_back(std::move(*one));  // one that is not there: an editor may be about to put another there
     };
     add(file_);
     for (const auto& file : within_) add(file);
+    return all;
+}
+
+std::vector<FollowedFile::Look> FollowedFile::lookAfter(const std::vector<Look>& before) const {
+    std::map<std::filesystem::path, const Look*> read;
+    for (const Look& one : before) read.emplace(one.file, &one);
+    std::vector<Look> all = look();
+    for (Look& one : all)
+        if (const auto found = read.find(one.file); found != read.end()) one = *found->second;
     return all;
 }
 
@@ -60,7 +74,7 @@ void FollowedFile::follow() {
     const std::size_t count = set ? set->changes.size() : 0;
     context_.note(fmt::format("{}: note: it was edited: {} change{}", file_, count, count == 1 ? "" : "s"));
     within_ = document_.filesWithin(resources_);
-    followed_ = last_ = look();
+    followed_ = last_ = lookAfter(followed_);
 }
 
 }  // namespace rtsg

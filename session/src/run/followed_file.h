@@ -7,6 +7,7 @@
 
 #include <chrono>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -17,8 +18,19 @@ namespace rtsg {
 
 class FollowedFile {
   public:
-    /// Call it when the file has been loaded into the scene, before the first frame. `clip`: as LoadOptions has it.
-    FollowedFile(Scene& scene, std::string file, Resources resources, std::string clip, SessionContext context);
+    struct Look {
+        std::filesystem::path file;
+        std::filesystem::file_time_type written;
+        std::uintmax_t bytes = 0;
+        friend bool operator==(const Look&, const Look&) = default;
+    };
+    /// Nothing if there is no such file.
+    static std::optional<Look> lookAt(const std::filesystem::path& file);
+
+    /// Call it when the file has been loaded into the scene, before the first frame. `before`: the file's look before
+    /// it was read. `clip`: as LoadOptions has it.
+    FollowedFile(Scene& scene, std::string file, const std::optional<Look>& before, Resources resources,
+                 std::string clip, SessionContext context);
 
     /// Looks at the files if it is time to. True until follow() is called.
     bool isEdited();
@@ -28,13 +40,9 @@ class FollowedFile {
     bool isBehind() const { return isBehind_; }
 
   private:
-    struct Look {
-        std::filesystem::path file;
-        std::filesystem::file_time_type written;
-        std::uintmax_t bytes = 0;
-        friend bool operator==(const Look&, const Look&) = default;
-    };
     std::vector<Look> look() const;
+    /// Files that were looked at before they were read keep that look: those edited meanwhile count as edited.
+    std::vector<Look> lookAfter(const std::vector<Look>& before) const;
 
     using Clock = std::chrono::steady_clock;
     Scene& scene_;

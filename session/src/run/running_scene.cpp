@@ -70,10 +70,11 @@ bool RunningScene::isEdited() {
 bool RunningScene::load() {
     setClock(scene_, start_);
     Diagnostics diagnostics(file_);
+    const auto before = followsEdits_ ? FollowedFile::lookAt(file_) : std::nullopt;
     const bool isUsable = loadScene(scene_, file_, diagnostics, resources_, context_, clip_);
     errors_ = diagnostics.errors();
     if (!isUsable) return false;
-    if (followsEdits_) followed_ = std::make_unique<FollowedFile>(scene_, file_, resources_, clip_, context_);
+    if (followsEdits_) followed_ = std::make_unique<FollowedFile>(scene_, file_, before, resources_, clip_, context_);
     // A scene file or a log begins with a state at its own time, from which the scene cannot go back.
     if (startWasGiven_ && scene_.now() > start_) {
         context_.report(

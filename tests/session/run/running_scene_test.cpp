@@ -1,6 +1,7 @@
 // A scene's file that runs: events with their times, edits of the file, and what is said of both.
 #include <fstream>
 #include <thread>
+#include <utility>
 
 #include <gtest/gtest.h>
 
@@ -90,6 +91,33 @@ TEST_F(RunningSceneTest, EditsAreFollowedAndFaultyOnesAreNot) {
     EXPECT_EQ(translation(), Vec3f(3, 0, 0));
     running->reportDiagnostics();
     EXPECT_EQ(notices.missing, 1);
+}
+
+/// Somebody saves the file again just when the edit before has been read.
+class EditingNotices final : public Notices {
+  public:
+    void note(std::string_view text) override {
+        if (text.find("it was edited") != text.npos && !again.empty())
+            std::ofstream(file) << std::exchange(again, std::string());
+    }
+    std::string file, again;
+};
+
+TEST_F(RunningSceneTest, AnEditThatComesWhileOneIsReadIsFollowedToo) {
+    write(kScene);
+    EditingNotices editing;
+    editing.file = file;
+    RunningScene scene(file, Resources::ofFile(file), {}, SessionContext{&editing, nullptr});
+    ASSERT_TRUE(scene.followEdits());
+    ASSERT_TRUE(scene.load());
+    const auto at = [&] { return scene.scene().node(scene.scene().findName("T")).get(x3d::Transform::translation); };
+    editing.again = "#X3D V4.0 utf8\nPROFILE Interchange\nDEF T Transform { translation 5 0 0 }\n# even longer\n";
+    write("#X3D V4.0 utf8\nPROFILE Interchange\nDEF T Transform { translation 3 0 0 }\n# longer\n");
+    for (const float wanted : {3.f, 5.f}) {
+        for (int i = 0; i < 600 && !scene.isEdited(); ++i) std::this_thread::sleep_for(RunningScene::kLookEvery);
+        scene.frame(wanted);
+        EXPECT_EQ(at(), Vec3f(wanted, 0, 0));
+    }
 }
 
 TEST_F(RunningSceneTest, OnlyDocumentsInFilesCanBeFollowed) {
