@@ -201,7 +201,8 @@ def name_of(item):
 
 def one_try(seed, number, show):
     dice = random.Random(f"{seed}/python/{number}")
-    signal.alarm(SECONDS)
+    signal.setitimer(signal.ITIMER_PROF, SECONDS)  # of CPU
+    signal.alarm(20 * SECONDS)
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     resource.setrlimit(resource.RLIMIT_AS, (6 << 30, 6 << 30))
     os.chdir(tempfile.mkdtemp(dir=os.getcwd()))

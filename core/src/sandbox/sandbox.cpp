@@ -51,7 +51,7 @@ using sandbox::WorkerProcess;
 using SandboxClock = std::chrono::steady_clock;
 
 constexpr std::uint64_t kFreeBytes = 1 << 20;   // of a result, for which no worker asks
-constexpr std::uint64_t kKeptBytes = 16 << 20;  // of shared memory, which stay for the next job
+constexpr std::uint64_t kKeptBytes = 32 << 20;  // of shared memory, for the next job: a picture of 2048 x 2048
 
 bool sendOrder(int socket, const sandbox::Order& order, int first, int second) {
     iovec part{const_cast<sandbox::Order*>(&order), sizeof(order)};
