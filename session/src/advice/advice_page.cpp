@@ -4,7 +4,8 @@
 
 #include <fmt/format.h>
 
-#include "replay/markup.h"
+#include <rtsg/core/markup.h>
+
 #include "trials.h"
 
 namespace rtsg {
