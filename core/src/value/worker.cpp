@@ -170,7 +170,9 @@ bool Worker::idle() const {
 Result<> Worker::failure(std::string_view what, std::source_location reporter) const {
     const std::lock_guard lock(state_->mutex);
     if (!state_->thrown[0]) return {};
-    return fail(fmt::format("{}: {}", what, state_->thrown), {}, {}, reporter);
+    // With the code of who asks.
+    return std::unexpected(
+        Diagnostic(Severity::error, {}, {}, fmt::format("{}: {}", what, state_->thrown), DiagnosticCode::of(reporter)));
 }
 
 bool Worker::stops() const {
