@@ -170,9 +170,10 @@ bool Worker::idle() const {
 Result<> Worker::failure(std::string_view what, std::source_location reporter) const {
     const std::lock_guard lock(state_->mutex);
     if (!state_->thrown[0]) return {};
-    // With the code of who asks.
-    return std::unexpected(
-        Diagnostic(Severity::error, {}, {}, fmt::format("{}: {}", what, state_->thrown), DiagnosticCode::of(reporter)));
+    Diagnostic failure;
+    failure.text = fmt::format("{}: {}", what, state_->thrown);
+    failure.code = DiagnosticCode::of(reporter);  // that of who asks
+    return std::unexpected(std::move(failure));
 }
 
 bool Worker::stops() const {
