@@ -56,7 +56,7 @@ class Arrivals {
 /// Reads a connection until its end.
 class LineReader {
   public:
-    LineReader(feeds::Descriptor socket, Arrivals& arrivals)
+    LineReader(Descriptor socket, Arrivals& arrivals)
         : socket_(std::move(socket)), thread_([this, &arrivals] {
               char bytes[4096];
               for (ssize_t size = 0; (size = ::recv(socket_.get(), bytes, sizeof(bytes), 0)) > 0;)
@@ -70,14 +70,14 @@ class LineReader {
     LineReader& operator=(const LineReader&) = delete;
 
   private:
-    feeds::Descriptor socket_;
+    Descriptor socket_;
     std::thread thread_;
 };
 
-feeds::Descriptor connectedTo(const std::string& text) {
+Descriptor connectedTo(const std::string& text) {
     const auto endpoint = feeds::Endpoint::parse(text);
     const auto at = endpoint ? feeds::findAddress(*endpoint) : Result<feeds::SocketAddress>(fail(""));
-    feeds::Descriptor socket(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
+    Descriptor socket(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
     if (at) (void)::connect(socket.get(), at->get(), at->length);
     return socket;
 }
@@ -214,7 +214,7 @@ bool feedsLatency(const Report& report, bool quick) {
     const auto listener = feeds::listenAt(endpoint, false);
     if (!listener) return false;
     const LineReader reader(connectedTo(endpoint.text), bare);
-    const feeds::Descriptor socket(::accept4(listener->get(), nullptr, nullptr, SOCK_CLOEXEC));
+    const Descriptor socket(::accept4(listener->get(), nullptr, nullptr, SOCK_CLOEXEC));
     const auto sent = alone(count, bare, [&](const std::string& line) {
         (void)::send(socket.get(), line.data(), line.size(), MSG_NOSIGNAL);
     });

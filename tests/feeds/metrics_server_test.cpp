@@ -18,7 +18,7 @@ namespace {
 std::string asked(const std::string& address, const std::string& request) {
     const auto endpoint = feeds::Endpoint::parse("tcp://" + address);
     const auto at = feeds::findAddress(*endpoint);
-    const feeds::Descriptor socket(::socket(AF_INET, SOCK_STREAM, 0));
+    const Descriptor socket(::socket(AF_INET, SOCK_STREAM, 0));
     const timeval patience = {60, 0};
     (void)::setsockopt(socket.get(), SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof(patience));
     EXPECT_EQ(::connect(socket.get(), at->get(), at->length), 0);
@@ -65,9 +65,9 @@ TEST(FetchMetrics, EndsWhereNoWholeAnswerComes) {
     ASSERT_TRUE(listening) << listening.error().text;
     std::atomic<bool> over{false};
     std::thread trickles([&] {
-        feeds::Descriptor one;
+        Descriptor one;
         while (!over) {
-            if (one.get() < 0) one = feeds::Descriptor(::accept(listening->get(), nullptr, nullptr));
+            if (one.get() < 0) one = Descriptor(::accept(listening->get(), nullptr, nullptr));
             if (one.get() >= 0) (void)::send(one.get(), "a", 1, MSG_NOSIGNAL);
             std::this_thread::sleep_for(std::chrono::milliseconds(10));
         }
@@ -142,7 +142,7 @@ TEST(MetricsServer, WhoAsksNothingKeepsNobodyFromIt) {
     ASSERT_TRUE(server);
     const auto endpoint = feeds::Endpoint::parse("tcp://" + (*server)->address());
     const auto at = feeds::findAddress(*endpoint);
-    std::vector<feeds::Descriptor> silent;
+    std::vector<Descriptor> silent;
     for (int i = 0; i < 200; ++i) {
         silent.emplace_back(::socket(AF_INET, SOCK_STREAM, 0));
         ASSERT_EQ(::connect(silent.back().get(), at->get(), at->length), 0);

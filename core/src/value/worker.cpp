@@ -170,7 +170,10 @@ bool Worker::idle() const {
 Result<> Worker::failure(std::string_view what, std::source_location reporter) const {
     const std::lock_guard lock(state_->mutex);
     if (!state_->thrown[0]) return {};
-    return fail(fmt::format("{}: {}", what, state_->thrown), {}, {}, reporter);
+    Diagnostic failure;
+    failure.text = fmt::format("{}: {}", what, state_->thrown);
+    failure.code = DiagnosticCode::of(reporter);  // that of who asks
+    return std::unexpected(std::move(failure));
 }
 
 bool Worker::stops() const {

@@ -31,7 +31,7 @@ class Visitor {
         const auto where = feeds::Endpoint::parse(endpoint);
         const auto address = feeds::findAddress(*where);
         const bool datagrams = where->kind == feeds::Endpoint::Kind::udp;
-        socket_ = feeds::Descriptor(::socket(AF_INET, datagrams ? SOCK_DGRAM : SOCK_STREAM, 0));
+        socket_ = Descriptor(::socket(AF_INET, datagrams ? SOCK_DGRAM : SOCK_STREAM, 0));
         EXPECT_EQ(::connect(socket_.get(), address->get(), address->length), 0) << endpoint;
         const timeval patience = {60, 0};
         (void)::setsockopt(socket_.get(), SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof(patience));
@@ -52,7 +52,7 @@ class Visitor {
     }
 
   private:
-    feeds::Descriptor socket_;
+    Descriptor socket_;
     std::string rest_;
 };
 
