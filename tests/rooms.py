@@ -21,7 +21,7 @@ LARGER = {}  # rooms that are yet to be divided
 DOORS = {r"^embree[34]/": ("renderers/world", "embree"), r"^tbb/(parallel|task|blocked)": ("renderers/world", "embree"), r"^OpenImageIO/": ("renderers/images", "image_module"),
          r"^lib(av(?!util/tx\.h)|sw)": ("renderers/images", "movie_module"), r"^libavutil/tx\.h": ("audio", "fft_module"), r"^kissfft/": ("audio", "signal"),
          r"^(ft2build|fontconfig/|hb)": ("renderers/geometry", "font_module"), r"^(jsapi\.h|js/)": ("scripts", "engine"), r"^expat\.h": ("documents", "commands"), r"^assimp/": ("documents", "assimp_module"),
-         r"^zmq": ("sync", "sockets"), r"^boost/": ("sync", "web_module"), r"^AL/": ("audio", "sound_io"), r"^ode/": ("physics", "engine"),
+         r"^zmq": ("sync", "transport"), r"^boost/": ("sync", "web_module"), r"^AL/": ("audio", "sound_io"), r"^ode/": ("physics", "engine"),
          r"^netcdf\.h": ("audio", "netcdf_module"), r"^(curl/|openssl/evp)": ("fetch", "curl_module"), r"^(mosquitto|mqtt_protocol)\.h": ("feeds", "mqtt_module"), r"^SDL": ("window", "sdl_module"),
          r"^draco/": ("documents", "gltf_module"), r"^meshoptimizer\.h": ("documents", "gltf_module"),
          r"^Ogre\w": ("ogre", "ogre_module"), r"^nats/nats\.h": ("nats", "nats_module")}

@@ -27,7 +27,7 @@ using namespace test;
 using namespace std::chrono_literals;
 using mirror::Message;
 namespace fs = std::filesystem;
-using Clock = std::chrono::steady_clock;
+using Steady = std::chrono::steady_clock;
 
 // ---- recording -------------------------------------------------------------------------------------------------
 
@@ -89,8 +89,8 @@ class Recorder {
         session.push_back({Said::By::server, std::move(first), std::move(second)});
     }
     bool hearUntil(MirrorServer* server, const std::function<bool()>& condition) {
-        const auto end = Clock::now() + test::kPatience;
-        while (!condition() && Clock::now() < end) {
+        const auto end = Steady::now() + test::kPatience;
+        while (!condition() && Steady::now() < end) {
             if (server) server->service();
             std::vector<std::string> parts = receiveParts(socket_, 2);
             if (!parts.empty()) hear({Said::By::server, parts[0], parts.size() > 1 ? parts[1] : std::string()});
@@ -537,8 +537,8 @@ class Player {
                     say(welcome_);
                     continue;
                 }
-                const bool again = greeted_ && Clock::now() - *greeted_ >= kHelloLost;
-                greeted_ = Clock::now();
+                const bool again = greeted_ && Steady::now() - *greeted_ >= kHelloLost;
+                greeted_ = Steady::now();
                 if (again) continue;
                 ++said_;
                 add(hellos_, fmt::format("[{},{}]", hello.epoch, hello.sequence));
@@ -553,10 +553,10 @@ class Player {
                                    v.request, v.state, jsonText(v.refusal), created, jsonText(v.kept)));
     }
     void wait(const std::function<bool()>& condition) {
-        const auto end = Clock::now() + test::kPatience;
+        const auto end = Steady::now() + test::kPatience;
         while (!failed && !condition()) {
             hear();
-            failed = Clock::now() > end;
+            failed = Steady::now() > end;
         }
     }
     void play(const Said& said) {
@@ -615,8 +615,8 @@ class Player {
     std::unique_ptr<MirrorClient> client_;
     std::uint64_t sessionNumber_ = 0;
     Said welcome_;
-    bool ofOtherTypes_ = false;                 // as the welcome says
-    std::optional<Clock::time_point> greeted_;  // when the client said hello that has no answer yet
+    bool ofOtherTypes_ = false;                  // as the welcome says
+    std::optional<Steady::time_point> greeted_;  // when the client said hello that has no answer yet
     int said_ = 0, expected_ = 0;
     std::string hellos_, verdicts_, replies_, refused_;
 };

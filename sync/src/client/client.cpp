@@ -1,8 +1,6 @@
 // The public functions of a mirror's client; client_connection.cpp and client_replica.cpp do the work.
 #include <rtsg/sync/mirror_client.h>
 
-#include <thread>
-
 #include <fmt/format.h>
 
 #include "client_impl.h"
@@ -15,7 +13,8 @@ MirrorClient::~MirrorClient() = default;
 
 Result<std::unique_ptr<MirrorClient>> MirrorClient::connect(Scene& replica, const std::string& endpoint,
                                                             MirrorClientOptions options) {
-    if (const Result<bool> local = isLocalEndpoint(endpoint); !local) return std::unexpected(local.error());
+    if (!options.transport) options.transport = zmqTransport();
+    if (const Result<bool> local = options.transport->isLocal(endpoint); !local) return std::unexpected(local.error());
     if (options.keys)
         if (auto ok = options.keys->checkForClient(); !ok) return std::unexpected(ok.error());
     if (options.parts.size() > mirror::kMaxParts)
@@ -27,8 +26,6 @@ Result<std::unique_ptr<MirrorClient>> MirrorClient::connect(Scene& replica, cons
     if (!replica.isOwnThread())
         return std::unexpected(Diagnostic{Severity::error, endpoint, {}, "the replica belongs to another thread"});
     replica.setBehavioursEnabled(false);
-    if (const auto loaded = delayed::zmq.load(); !loaded) return std::unexpected(loaded.error());
-    if (const auto ok = checkRoomForSocket(); !ok) return std::unexpected(ok.error());
     auto impl = std::make_unique<Impl>(replica, std::move(options));
     if (auto ok = impl->start(endpoint); !ok) return std::unexpected(ok.error());
     return std::unique_ptr<MirrorClient>(new MirrorClient(std::move(impl)));
@@ -37,7 +34,7 @@ Result<std::unique_ptr<MirrorClient>> MirrorClient::connect(Scene& replica, cons
 std::size_t MirrorClient::poll(std::chrono::milliseconds timeout) {
     if (impl_->replica_.isOwnThread()) return impl_->poll(timeout);
     impl_->refuseThread();
-    std::this_thread::sleep_for(timeout);
+    (void)impl_->clock().wait({}, timeout);
     return 0;
 }
 void MirrorClient::onStep(std::function<void(const RecordStep&)> heard) {

@@ -1,6 +1,5 @@
 // The connection of a mirror's client: hello, pings, messages in and out, credit.
 #include <algorithm>
-#include <cstring>
 #include <random>
 #include <utility>
 
@@ -8,7 +7,6 @@
 #include <poll.h>
 
 #include "client_impl.h"
-#include "sockets/connection_watch.h"
 #include "sockets/rare_warning.h"
 
 namespace rtsg {
@@ -18,13 +16,11 @@ using mirror::Message;
 
 namespace {
 
-constexpr int kLinger = 100;                                // ms, for the goodbye
-constexpr int kReconnect = 10;                              // ms between attempts
-constexpr int kConnectWithin = 2000, kConnectQuickly = 20;  // ms for an attempt, at most and at least
-constexpr auto kAttemptsFor = 2s;                           // attempts with one such time at first; then longer,
-constexpr int kMaxAttemptsFor = 8;                          // up to this many times
-constexpr auto kHelloAgain = 500ms;                         // after a refusal or a goodbye
-constexpr auto kHelloLost = 2s;                             // without any answer at first; doubled each time
+constexpr auto kConnectWithin = 2000ms, kConnectQuickly = 20ms;  // for an attempt, at most and at least
+constexpr auto kAttemptsFor = 2s;                                // attempts with one such time at first; then longer,
+constexpr int kMaxAttemptsFor = 8;                               // up to this many times
+constexpr auto kHelloAgain = 500ms;                              // after a refusal or a goodbye
+constexpr auto kHelloLost = 2s;                                  // without any answer at first; doubled each time
 constexpr int kMaxDoublings = 4;
 constexpr auto kLongestWait = 20ms;  // the most that poll() exceeds its timeout while frames keep coming
 constexpr auto kQuiet = 400ms;       // after a heartbeat: then the server counts as lost, but may come back
@@ -52,8 +48,7 @@ MirrorClient::Impl::Impl(Scene& replica, MirrorClientOptions options)
     : replica_(replica),
       nextProvisional_(0),
       options_(std::move(options)),
-      socket_(context_, ZMQ_DEALER),
-      monitor_(context_, ZMQ_PAIR),
+      time_(options_.transport->clock()),
       decoder_(builtinTypes()),
       dictionaryHash_(decoder_.localHash()),
       originTypes_(dictionaryHash_) {}
@@ -61,14 +56,11 @@ MirrorClient::Impl::Impl(Scene& replica, MirrorClientOptions options)
 MirrorClient::Impl::~Impl() {
     mirror::begin(message_, Message::bye);
     send();
-    zmq_socket_monitor(socket_.get(), nullptr, 0);
 }
 
-/// Sends only if there is a connection. ZeroMQ would keep the message for the next connection, where it has no meaning.
+/// Sends only if there is a connection. The message might be kept for the next one, where it has no meaning.
 bool MirrorClient::Impl::send() {
-    if (!linked()) return false;
-    ZmqMessage out(message_.bytes());
-    return socket_.send(out);
+    return linked() && connection_->send(message_.bytes());
 }
 
 bool MirrorClient::Impl::control(std::string_view command) {
@@ -122,28 +114,10 @@ void MirrorClient::Impl::garbage(std::string text) {
 
 Result<> MirrorClient::Impl::start(const std::string& endpoint) {
     endpoint_ = endpoint;
-    socket_.set(ZMQ_LINGER, kLinger);
-    socket_.set(ZMQ_RECONNECT_IVL, kReconnect);
-    socket_.set(ZMQ_CONNECT_TIMEOUT, kConnectWithin);
-    // ZMQ_IMMEDIATE is not set. With it libzmq 4.3 drops unread messages when a connection ends, and aborts the process
-    // (an assertion in fq.cpp) if that happens between two parts of a message.
-    socket_.set(ZMQ_RCVHWM, 0);  // bounded by the window
-    socket_.set(ZMQ_MAXMSGSIZE, std::int64_t{16} << 20);
-    if (options_.keys) {
-        socket_.set(ZMQ_CURVE_SERVERKEY, options_.keys->serverPublic);
-        socket_.set(ZMQ_CURVE_PUBLICKEY, options_.keys->clientPublic.front());
-        socket_.set(ZMQ_CURVE_SECRETKEY, options_.keys->clientSecret);
-    }
-    monitor_.set(ZMQ_LINGER, 0);
-    constexpr int events = ZMQ_EVENT_CONNECTED | ZMQ_EVENT_DISCONNECTED | ZMQ_EVENT_HANDSHAKE_SUCCEEDED;
-    if (zmq_socket_monitor(socket_.get(), "inproc://connection", events) != 0 ||
-        zmq_connect(monitor_.get(), "inproc://connection") != 0)
-        return std::unexpected(zmqFailure("cannot watch the connection"));
-    watchConnection();  // its descriptor wakes only a reader that has read it until empty
-    if (auto ok = checkPort(endpoint); !ok) return ok;
-    allowIpv6(socket_, endpoint);
-    if (zmq_connect(socket_.get(), endpoint.c_str()) != 0)
-        return std::unexpected(zmqFailure(fmt::format("cannot connect to {}", endpoint)));
+    auto connection =
+        options_.transport->connect(endpoint, {options_.keys ? &*options_.keys : nullptr, kConnectWithin});
+    if (!connection) return std::unexpected(connection.error());
+    connection_ = std::move(*connection);
     session_ = randomNumber();
     client_ = randomNumber();
     return {};
@@ -180,7 +154,7 @@ void MirrorClient::Impl::hello(bool afresh) {
     greeting.write(message_);
     helloPending_ = !send();
     if (!helloPending_) ++unanswered_;
-    greeted_ = Clock::now();
+    greeted_ = time_.now();
 }
 
 /// Another hello makes the answer to the last one void. On a slow link that answer may take seconds.
@@ -193,23 +167,17 @@ bool MirrorClient::Impl::mayGreet(Clock::time_point now) const {
 /// A lost connection is known at once and not only by silence. The next hello is sent when there is another connection.
 void MirrorClient::Impl::watchConnection() {
     while (true) {
-        ZmqMessage event;
-        if (!monitor_.receive(event)) return;
-        std::uint16_t what = 0;
-        std::int32_t descriptor = 0;  // of events about connections
-        if (event.bytes().size() >= sizeof(what) + sizeof(descriptor)) {
-            std::memcpy(&what, event.bytes().data(), sizeof(what));
-            std::memcpy(&descriptor, event.bytes().data() + sizeof(what), sizeof(descriptor));
-        }
-        monitor_.skipRest(event);
-        if (what == ZMQ_EVENT_CONNECTED) {
-            descriptor_ = descriptor;
-        } else if (what == ZMQ_EVENT_HANDSHAKE_SUCCEEDED) {
-            up_ = true;
-            if (!connected_) helloPending_ = true;
-        } else if (what == ZMQ_EVENT_DISCONNECTED && descriptor == descriptor_) {
-            up_ = false;
-            cut_ = true;
+        switch (connection_->nextEvent()) {
+            case Connection::Event::none:
+                return;
+            case Connection::Event::up:
+                up_ = true;
+                if (!connected_) helloPending_ = true;
+                break;
+            case Connection::Event::down:
+                up_ = false;
+                cut_ = true;
+                break;
         }
     }
 }
@@ -224,11 +192,11 @@ void MirrorClient::Impl::connectionLost() {
     loseCommands(std::ssize(commands_));
 }
 
-/// True if bytes are arriving. ZeroMQ hands over a message when it is complete, which takes seconds on a slow link.
+/// True if bytes are arriving. A message is handed over when it is complete, which takes seconds on a slow link.
 bool MirrorClient::Impl::bringsBytes(Clock::time_point now) {
     const std::chrono::duration<double> since = now - lookedAt_;
     if (since < kLookAtBytes) return false;
-    const std::optional<std::uint64_t> bytes = bytesReceived(descriptor_);
+    const std::optional<std::uint64_t> bytes = connection_->bytesCome();
     if (!bytes) return false;
     lookedAt_ = now;
     const std::uint64_t before = std::exchange(brought_, *bytes);
@@ -236,12 +204,12 @@ bool MirrorClient::Impl::bringsBytes(Clock::time_point now) {
 }
 
 bool MirrorClient::Impl::receiving() const {
-    return connected_ && !relayLost_ && Clock::now() - coming_ <= heartbeat_ + kQuiet;
+    return connected_ && !relayLost_ && time_.now() - coming_ <= heartbeat_ + kQuiet;
 }
 
 /// With `idle` no message waits to be read, so a silence is the server's and not ours.
 void MirrorClient::Impl::keepInTouch(bool idle) {
-    const Clock::time_point now = Clock::now();
+    const Clock::time_point now = time_.now();
     if (idle && connected_ && linked() && bringsBytes(now)) heard_ = coming_ = now;
     // Frames came in close sequence and then stopped. The scene rests or the server is lost, so it is asked once.
     if (idle && linked() && streams_ && now - heard_ > kStreamEnds) {
@@ -282,11 +250,9 @@ void MirrorClient::Impl::keepInTouch(bool idle) {
 void MirrorClient::Impl::reconnect(Clock::time_point now) {
     reconnected_ = now;
     up_ = false;
-    const int trips = clock_.known() ? static_cast<int>(4e3 * clock_.delay()) : kConnectWithin;
-    socket_.set(ZMQ_CONNECT_TIMEOUT,
-                attempts_++ % 2 ? kConnectWithin : std::clamp(trips, kConnectQuickly, kConnectWithin));
-    zmq_disconnect(socket_.get(), endpoint_.c_str());
-    zmq_connect(socket_.get(), endpoint_.c_str());
+    const auto trips =
+        clock_.known() ? std::chrono::milliseconds(static_cast<int>(4e3 * clock_.delay())) : kConnectWithin;
+    connection_->reconnect(attempts_++ % 2 ? kConnectWithin : std::clamp(trips, kConnectQuickly, kConnectWithin));
 }
 
 void MirrorClient::Impl::pingNow(Clock::time_point now) {
@@ -300,7 +266,7 @@ void MirrorClient::Impl::ping(Clock::time_point now) {
     pinged_ = now;
     if (askedSince_ <= heard_) askedSince_ = now;
     if (received_ != acknowledged_) acknowledge();  // in the same packet, so nobody needs to ask for it
-    const std::uint64_t token[] = {mirror::clockNow()};
+    const std::uint64_t token[] = {time_.nanoseconds()};
     mirror::write(message_, Message::ping, token);
     send();
 }
@@ -308,23 +274,21 @@ void MirrorClient::Impl::ping(Clock::time_point now) {
 /// Time in which this process was stopped, or did something else, is no silence of the server. `expected`: how long it
 /// may have been since the last call.
 void MirrorClient::Impl::forgetPause(Clock::duration expected) {
-    const Clock::time_point now = Clock::now();
+    const Clock::time_point now = time_.now();
     const Clock::duration pause = now - std::exchange(looked_, now) - expected;
     if (pause <= Clock::duration::zero()) return;
     for (Clock::time_point* time : {&heard_, &coming_, &askedSince_, &asked_}) *time = std::min(now, *time + pause);
 }
 
-/// Waits at most so long, and returns whether something may have come. A ZeroMQ socket's descriptor tells what came
-/// since the socket was last found empty, but sending may lose that notice. So after sending the socket is read, and
-/// only if it is empty we wait at the descriptor. zmq_poll() would take several more system calls for each frame. The
-/// monitor's socket is always read until it is empty, and nothing is sent on it.
+/// Waits at most so long, and returns whether something may have come. Messages that no descriptor tells are read
+/// before there is a wait.
 bool MirrorClient::Impl::wait(std::chrono::milliseconds maximum) {
-    if (!socket_.foundEmpty()) return true;  // events of the connection are read after its messages
-    pollfd items[] = {
-        {socket_.descriptor(), POLLIN, 0}, {monitor_.descriptor(), POLLIN, 0}, {std::max(wakes_, 0), POLLIN, 0}};
+    if (!connection_->foundEmpty()) return true;  // events of the connection are read after its messages
+    const auto [messages, events] = connection_->descriptors();
+    pollfd items[] = {{messages, POLLIN, 0}, {events, POLLIN, 0}, {wakes_, POLLIN, 0}};
     const std::chrono::milliseconds due = untilDue(maximum);
     forgetPause(kAway);
-    const int ready = ::poll(items, wakes_ < 0 ? 2 : 3, static_cast<int>(due.count()));
+    const int ready = time_.wait(items, due);
     forgetPause(due + kAwake);
     if (ready > 0 && items[1].revents) watchConnection();
     called_ = called_ || ready < 0 || (ready > 0 && items[2].revents);
@@ -335,8 +299,8 @@ bool MirrorClient::Impl::wait(std::chrono::milliseconds maximum) {
 /// descriptor announces.
 MirrorClient::Waiting MirrorClient::Impl::waiting() const {
     MirrorClient::Waiting waiting;
-    waiting.descriptors = {socket_.descriptor(), monitor_.descriptor()};
-    if (socket_.foundEmpty() && !cut_ && !(helloPending_ && linked())) waiting.maximum = untilDue(longestSleep());
+    waiting.descriptors = connection_->descriptors();
+    if (connection_->foundEmpty() && !cut_ && !(helloPending_ && linked())) waiting.maximum = untilDue(longestSleep());
     return waiting;
 }
 
@@ -346,15 +310,15 @@ std::chrono::milliseconds MirrorClient::Impl::longestSleep() const {
     if (!settled) return 100ms;
     if (quiet_) return 250ms;
     if (streams_ || askedSince_ > heard_) return 100ms;
-    const Clock::time_point due = std::min({pinged_ + kPingLater, heard_ + heartbeat_ + kQuiet, Clock::now() + 2000ms});
-    return std::max(20ms, std::chrono::ceil<std::chrono::milliseconds>(due - Clock::now()));
+    const Clock::time_point due = std::min({pinged_ + kPingLater, heard_ + heartbeat_ + kQuiet, time_.now() + 2000ms});
+    return std::max(20ms, std::chrono::ceil<std::chrono::milliseconds>(due - time_.now()));
 }
 
 std::size_t MirrorClient::Impl::poll(std::chrono::milliseconds timeout) {
     applied_ = 0;
     called_ = false;
     const bool lost = originLost();
-    const Clock::time_point start = Clock::now();
+    const Clock::time_point start = time_.now();
     const auto longest = std::max<Clock::duration>(timeout, kLongestWait);
     Clock::duration spent{};
     bool more = false;
@@ -370,7 +334,7 @@ std::size_t MirrorClient::Impl::poll(std::chrono::milliseconds timeout) {
         keepInTouch(messages == 0);
         playDue();
         if (received_ != acknowledged_ && (awaited_ || received_ - acknowledged_ > options_.window / 4)) acknowledge();
-        spent = Clock::now() - start;
+        spent = time_.now() - start;
         more = messages > 0 && spent < longest && moreWaits_;
         if (more) continue;
         if (applied_ > 0 || called_ || originLost() != lost || spent >= timeout) break;
@@ -383,10 +347,10 @@ std::size_t MirrorClient::Impl::poll(std::chrono::milliseconds timeout) {
 /// Receives messages for a limited time. A user who makes a picture of each state takes long for a few of them, and the
 /// server must hear from us meanwhile.
 int MirrorClient::Impl::receivePortion() {
-    const Clock::time_point start = Clock::now();
+    const Clock::time_point start = time_.now();
     int messages = 0;
     moreWaits_ = true;
-    while (messages < kPortion && Clock::now() - start < kLongestWait) {
+    while (messages < kPortion && time_.now() - start < kLongestWait) {
         moreWaits_ = receiveOne();
         if (!moreWaits_) break;
         ++messages;
@@ -395,30 +359,26 @@ int MirrorClient::Impl::receivePortion() {
 }
 
 bool MirrorClient::Impl::receiveOne() {
-    ZmqMessage first, second;
-    if (!socket_.receive(first)) return false;
-    if (first.more()) {
-        socket_.receive(second);
-        if (second.more()) {
-            socket_.skipRest(second);
-            garbage("a message of too many parts");
-            return true;
-        }
-    }
-    wire::Reader in(first.bytes());
-    const std::optional<Message> type = mirror::readPrologue(in);
-    if (!type) {
-        if (const auto version = mirror::foreignVersion(first.bytes()); version && !connected_) {
-            meetVersion(*version, first.bytes());
-            return true;
-        }
-        garbage(fmt::format("a message of {} bytes that is none of this protocol", first.bytes().size()));
+    Received message;
+    if (!connection_->receive(message)) return false;
+    if (message.problem) {
+        garbage(message.problem);
         return true;
     }
-    heard_ = Clock::now();
+    wire::Reader in(message.first);
+    const std::optional<Message> type = mirror::readPrologue(in);
+    if (!type) {
+        if (const auto version = mirror::foreignVersion(message.first); version && !connected_) {
+            meetVersion(*version, message.first);
+            return true;
+        }
+        garbage(fmt::format("a message of {} bytes that is none of this protocol", message.first.size()));
+        return true;
+    }
+    heard_ = time_.now();
     // Answers may still follow a goodbye. Only a new welcome cancels it.
     if (*type == Message::bye) serverLeft_ = true;
-    receive(*type, in, first, second);
+    receive(*type, in, message);
     return true;
 }
 
@@ -430,16 +390,16 @@ void MirrorClient::Impl::meetVersion(std::uint8_t version, std::span<const std::
     if (mirror::foreignType(bytes) == Message::refused)
         if (const std::string_view said = in.text(); !in.problem) refusal_ = said;
     turnedAway_ = false;
-    greeted_ = Clock::now();
+    greeted_ = time_.now();
 }
 
-void MirrorClient::Impl::receive(Message type, wire::Reader& in, const ZmqMessage& first, const ZmqMessage& second) {
+void MirrorClient::Impl::receive(Message type, wire::Reader& in, const Received& message) {
     std::uint64_t numbers[2];
     switch (type) {
         case Message::welcome:
-            return welcome(in, second);
+            return welcome(in, message.second);
         case Message::data:
-            return data(in, second);
+            return data(in, message.second);
         case Message::ping: {
             std::uint64_t token[1];
             if (!mirror::read(in, token)) return garbage("a malformed ping");
@@ -452,7 +412,7 @@ void MirrorClient::Impl::receive(Message type, wire::Reader& in, const ZmqMessag
         }
         case Message::pong:
             if (!mirror::read(in, numbers)) return;
-            clock_.sample(numbers[0], numbers[1], mirror::clockNow());
+            clock_.sample(numbers[0], numbers[1], time_.nanoseconds());
             statistics_.clockOffset = clock_.offset();
             statistics_.delay = clock_.delay();
             statistics_.clockSamples = clock_.samples();
@@ -465,7 +425,7 @@ void MirrorClient::Impl::receive(Message type, wire::Reader& in, const ZmqMessag
             connected_ = false;  // says hello again in a while
             if (!lostAt_) lostAt_ = heard_;
             unanswered_ = 0;
-            greeted_ = Clock::now();
+            greeted_ = time_.now();
             return report(Severity::note, "the server said goodbye");
         case Message::unknown:
             if (connected_) hello(false);
@@ -475,7 +435,7 @@ void MirrorClient::Impl::receive(Message type, wire::Reader& in, const ZmqMessag
             turnedAway_ = !in.left() || in.number<std::uint8_t>() == 0;
             connected_ = false;
             unanswered_ = 0;
-            greeted_ = Clock::now();
+            greeted_ = time_.now();
             return;
         case Message::reply: {
             mirror::Words reply;
@@ -485,7 +445,7 @@ void MirrorClient::Impl::receive(Message type, wire::Reader& in, const ZmqMessag
         case Message::digest:
         case Message::anatomy:
         case Message::verdict:
-            if (connected_) arrived(first.bytes(), false, 0);
+            if (connected_) arrived(message.first, false, 0);
             return;
         default:
             return garbage(fmt::format("a message of unknown type {}", static_cast<unsigned>(type)));
@@ -507,13 +467,13 @@ bool MirrorClient::Impl::originLost() const {
     return !connected_ || relayLost_ || quiet_;
 }
 
-void MirrorClient::Impl::welcome(wire::Reader& in, const ZmqMessage& second) {
+void MirrorClient::Impl::welcome(wire::Reader& in, std::span<const std::byte> part) {
     std::uint64_t numbers[3];  // session, epoch, heartbeat
     if (!mirror::read(in, numbers)) return garbage("a malformed welcome");
     if (numbers[0] != session_) return;
-    if (const auto intact = checkRecord(second.bytes(), 0, options_.maxRecord); !intact)
+    if (const auto intact = checkRecord(part, 0, options_.maxRecord); !intact)
         return garbage("a damaged head: " + intact.error().text);
-    const Result<StreamHead> head = decodeHead(second.bytes());
+    const Result<StreamHead> head = decodeHead(part);
     if (!head) return garbage("a head: " + head.error().text);
     if (head->formatVersion < kFormatVersion) {
         refusal_ = fmt::format("the server is of an earlier version: its hashes are those of format {}, ours of {}",
@@ -569,17 +529,16 @@ void MirrorClient::Impl::noticeLoss(std::uint64_t sent) {
     hello(false);
 }
 
-void MirrorClient::Impl::data(wire::Reader& in, const ZmqMessage& second) {
+void MirrorClient::Impl::data(wire::Reader& in, std::span<const std::byte> part) {
     std::uint64_t numbers[4];  // session, size, offset, published
     if (!mirror::read(in, numbers)) return garbage("malformed data");
     const auto [session, size, offset, published] = numbers;
     if (session != session_ || !connected_) return;
-    const Clock::time_point before = std::exchange(dataAt_, Clock::now());
+    const Clock::time_point before = std::exchange(dataAt_, time_.now());
     streams_ = streams_ || dataAt_ - before < kStreams;
     std::uint64_t later[1] = {0};
     if (in.left() >= sizeof(later)) (void)mirror::read(in, later);
     if ((later[0] & 1) == 0) awaited_ = true;
-    const std::span<const std::byte> part = second.bytes();
     if (size > options_.maxRecord) {
         refusal_ = fmt::format("it sends a record of {} bytes, {} are the most taken", size, options_.maxRecord);
         return;
@@ -623,7 +582,7 @@ void MirrorClient::Impl::acknowledge() {
 /// Returns false if the socket takes no more for now.
 bool MirrorClient::Impl::sendRequests() {
     if (!linked()) return false;
-    const Clock::time_point now = Clock::now();
+    const Clock::time_point now = time_.now();
     for (Request& request : requests_) {
         const std::span<const std::byte> whole = request.record.bytes();
         // The answer may have been lost, so it is sent again. The server carries out none twice.
@@ -633,8 +592,7 @@ bool MirrorClient::Impl::sendRequests() {
             const std::uint64_t numbers[] = {session_, request.number, whole.size(), request.sent};
             mirror::write(message_, Message::submit, numbers);
             if (!request.author.empty()) wire::putText(message_, request.author);
-            ZmqMessage head(message_.bytes()), body(part);
-            if (!socket_.send(head, true) || !socket_.send(body)) return false;
+            if (!connection_->send(message_.bytes(), part)) return false;
             request.sent += part.size();
             request.sentAt = now;
         }

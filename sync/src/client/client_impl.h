@@ -19,20 +19,19 @@
 #include "playout.h"
 #include "sockets/clock.h"
 #include "sockets/message.h"
-#include "sockets/zmq_socket.h"
+#include "transport/transport.h"
 
 namespace rtsg {
 
 class MirrorClient::Impl {
   public:
-    using Clock = std::chrono::steady_clock;
-
     Impl(Scene& replica, MirrorClientOptions options);
     ~Impl();
 
     Result<> start(const std::string& endpoint);
     std::size_t poll(std::chrono::milliseconds timeout);
     MirrorClient::Waiting waiting() const;
+    Clock& clock() const { return time_; }
     void wakeBy(int descriptor) { wakes_ = descriptor; }
     void onStep(std::function<void(const RecordStep&)> heard) { onStep_ = std::move(heard); }
     bool inStep() const {
@@ -91,12 +90,12 @@ class MirrorClient::Impl {
     std::chrono::milliseconds longestSleep() const;
     int receivePortion();
     bool receiveOne();
-    void receive(mirror::Message type, wire::Reader& in, const ZmqMessage& first, const ZmqMessage& second);
+    void receive(mirror::Message type, wire::Reader& in, const Received& message);
     void hearOrigin(wire::Reader& in);
     void meetVersion(std::uint8_t version, std::span<const std::byte> bytes);
     void forgetPause(Clock::duration expected);
-    void welcome(wire::Reader& in, const ZmqMessage& second);
-    void data(wire::Reader& in, const ZmqMessage& second);
+    void welcome(wire::Reader& in, std::span<const std::byte> part);
+    void data(wire::Reader& in, std::span<const std::byte> part);
     void noticeLoss(std::uint64_t sent);
     void acknowledge();
 
@@ -129,8 +128,8 @@ class MirrorClient::Impl {
     MirrorClientOptions options_;
     std::string endpoint_;
     std::atomic<std::uint64_t> foreignPolls_{0};
-    ZmqContext context_;
-    ZmqSocket socket_, monitor_;
+    Clock& time_;
+    std::unique_ptr<Connection> connection_;
     mutable ChangeDecoder decoder_;
     wire::RepeatedColumns repeated_;
     ChangeEncoder encoder_;
@@ -144,7 +143,6 @@ class MirrorClient::Impl {
     int unanswered_ = 0;              // hellos of this connection since the last answer
     bool up_ = false;                 // there is a connection, by its last event that was read
     bool cut_ = false;                // a connection has ended, and its messages are still being read
-    int descriptor_ = -1;             // of the newest connection
     bool relayLost_ = false;          // the server is a relay that has lost its origin
     int wakes_ = -1;                  // a descriptor that ends poll() when readable
     bool called_ = false;             // it was readable, or a signal has come
@@ -168,10 +166,10 @@ class MirrorClient::Impl {
     std::uint64_t heldEpoch_ = 0;  // the epoch of `state_`
     std::optional<Clock::time_point>
         lostAt_;  // set if the origin was out of reach since the last state: when it was last heard
-    Clock::time_point relayLostAt_{};          // when the relay said that its own origin is lost
-    std::uint64_t relayMissed_ = 0;            // times that the relay missed states, as it says
-    int attempts_ = 0;                         // attempts to reconnect since the server was heard
-    Clock::time_point looked_ = Clock::now();  // for messages
+    Clock::time_point relayLostAt_{};         // when the relay said that its own origin is lost
+    std::uint64_t relayMissed_ = 0;           // times that the relay missed states, as it says
+    int attempts_ = 0;                        // attempts to reconnect since the server was heard
+    Clock::time_point looked_ = time_.now();  // for messages
     Clock::time_point reconnected_{}, heard_{}, greeted_{}, repaired_{}, dataAt_{}, pinged_{}, asked_{}, scrubbed_{};
     std::vector<std::shared_ptr<ChangeSet>> sets_;
     std::size_t applied_ = 0;  // sets applied in this poll()

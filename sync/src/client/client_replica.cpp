@@ -28,7 +28,7 @@ constexpr std::size_t kMaxAnnounced = 20;  // differences of one divergence that
 // ---- records in their turn and time ------------------------------------------------------------------------------
 
 void MirrorClient::Impl::arrived(std::span<const std::byte> bytes, bool isRecord, std::uint64_t published) {
-    const std::uint64_t now = mirror::clockNow();
+    const std::uint64_t now = time_.nanoseconds();
     if (published != 0) clock_.arrival(published, now);
     statistics_.jitter = clock_.jitter();
     if (options_.latency.count() == 0) {
@@ -53,7 +53,7 @@ void MirrorClient::Impl::arrived(std::span<const std::byte> bytes, bool isRecord
 }
 
 void MirrorClient::Impl::playDue() {
-    while (!playout_.empty() && (playout_.front().due <= mirror::clockNow() || playout_.bytes() > options_.window)) {
+    while (!playout_.empty() && (playout_.front().due <= time_.nanoseconds() || playout_.bytes() > options_.window)) {
         const MirrorPlayout::Item item = playout_.pop();
         if (item.published != 0) shownAt_ = item.published;
         take(item.bytes, item.isRecord);
@@ -62,7 +62,7 @@ void MirrorClient::Impl::playDue() {
 
 std::chrono::milliseconds MirrorClient::Impl::untilDue(std::chrono::milliseconds maximum) const {
     if (playout_.empty()) return maximum;
-    const std::uint64_t now = mirror::clockNow(), due = playout_.front().due;
+    const std::uint64_t now = time_.nanoseconds(), due = playout_.front().due;
     if (due <= now) return 0ms;
     return std::min(maximum, std::chrono::ceil<std::chrono::milliseconds>(std::chrono::nanoseconds(due - now)));
 }
@@ -75,8 +75,8 @@ Value MirrorClient::Impl::presented(NodeId node, FieldIndex field) const {
     const Value* next = playout_.next(decoder_, node, field);
     const std::uint64_t from = shownAt_, to = playout_.front().published;
     if (!next || from == 0 || to <= from) return value;
-    const double shown = static_cast<double>(mirror::clockNow()) - static_cast<double>(options_.latency.count()) * 1e6 -
-                         static_cast<double>(clock_.here(from));
+    const double shown = static_cast<double>(time_.nanoseconds()) -
+                         static_cast<double>(options_.latency.count()) * 1e6 - static_cast<double>(clock_.here(from));
     return interpolate(value, *next, shown / static_cast<double>(to - from));
 }
 
@@ -199,7 +199,7 @@ void MirrorClient::Impl::noteHole(const RecordHeader& header, bool afresh) {
     const bool isMerged = everyFrame && header.to > header.from + 1 && header.time - replica_.now() > kMerged;
     const bool isOther = heldEpoch_ != epoch_;
     if (afresh ? !isOther && header.to <= state_ + 1 : !isMerged) return;
-    const double seconds = std::chrono::duration<double>(Clock::now() - *lost).count();
+    const double seconds = std::chrono::duration<double>(time_.now() - *lost).count();
     ++statistics_.holes;
     statistics_.missed += seconds;
     report(Severity::warning,
@@ -215,12 +215,12 @@ void MirrorClient::Impl::apply(std::span<const std::byte> bytes, const RecordHea
     if (!set) {
         garbage(fmt::format("state {}, which cannot be applied: {}", header.to, set.error().text));
         haveState_ = false;
-        if (Clock::now() - repaired_ > kRepairAgain) {
-            repaired_ = Clock::now();
+        if (time_.now() - repaired_ > kRepairAgain) {
+            repaired_ = time_.now();
             hello(true);
         } else {
             connected_ = false;
-            greeted_ = Clock::now();
+            greeted_ = time_.now();
         }
         return;
     }
@@ -243,7 +243,7 @@ void MirrorClient::Impl::apply(std::span<const std::byte> bytes, const RecordHea
 void MirrorClient::Impl::noteLag() {
     if (shownAt_ == 0 || !clock_.known()) return;
     statistics_.lag =
-        std::max(0., (static_cast<double>(mirror::clockNow()) - static_cast<double>(clock_.here(shownAt_))) * 1e-9);
+        std::max(0., (static_cast<double>(time_.nanoseconds()) - static_cast<double>(clock_.here(shownAt_))) * 1e-9);
     statistics_.maximumLag = std::max(statistics_.maximumLag, statistics_.lag);
 }
 
@@ -323,7 +323,7 @@ void MirrorClient::Impl::announce(const Divergence& d) {
 
 void MirrorClient::Impl::doubt(std::vector<mirror::NodeRange> ranges) {
     bisection_.begin(session_, std::move(ranges), message_);
-    asked_ = Clock::now();
+    asked_ = time_.now();
     ++statistics_.questions;
     send();
 }
@@ -343,8 +343,8 @@ void MirrorClient::Impl::scrub(Clock::time_point now) {
 void MirrorClient::Impl::giveUpRepair(const std::string& why) {
     bisection_.stop();
     report(Severity::note, fmt::format("state {}: {}: a snapshot instead of a repair", state_, why));
-    if (Clock::now() - repaired_ < kRepairAgain) return doubt({});  // not too soon after the last one
-    repaired_ = Clock::now();
+    if (time_.now() - repaired_ < kRepairAgain) return doubt({});  // not too soon after the last one
+    repaired_ = time_.now();
     hello(true);
 }
 
@@ -381,7 +381,7 @@ void MirrorClient::Impl::answer(std::span<const std::byte> message) {
             announce(bisection_.found()[i]);
     switch (step) {
         case Bisection::Step::ask:
-            asked_ = Clock::now();
+            asked_ = time_.now();
             ++statistics_.questions;
             send();
             return;

@@ -383,7 +383,7 @@ Result<std::string> EditHistory::takeBack(Scene& scene, std::string_view author,
     std::size_t done = 0, more = 0;
     bool waits = false;
     Taking taking = look(step, author);
-    const auto now = NodeLocks::Clock::now();
+    const auto now = locks.now();
     const auto isLocked = [&](const Item& item) {
         std::string why = locks.refusal(scene, item.back, author, now);
         if (!item.lost) return why;

@@ -15,13 +15,16 @@
 
 #include <rtsg/core/scene.h>
 
+#include "transport/clock.h"
+
 namespace rtsg::mirror {
 
 class NodeLocks {
   public:
-    using Clock = std::chrono::steady_clock;
     static constexpr std::size_t kMax = 1 << 16;  // for all authors together
 
+    explicit NodeLocks(const Clock& clock = steadyClock()) : clock_(&clock) {}
+    Clock::time_point now() const { return clock_->now(); }
     /// Locks all the nodes or none. A lease of 0 releases them. Errors: a node is locked by somebody else; too many
     /// locks.
     Result<> lock(const Scene& scene, std::string_view author, std::span<const NodeId> nodes,
@@ -38,6 +41,7 @@ class NodeLocks {
         std::string author;
         Clock::time_point until;
     };
+    const Clock* clock_;
     std::unordered_map<std::uint32_t, Lock> locks_;
 };
 

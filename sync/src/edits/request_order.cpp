@@ -17,7 +17,7 @@ bool anyOf(const std::vector<NodeId>& nodes, const std::set<NodeId>& among) {
 }  // namespace
 
 void RequestOrder::add(std::vector<Submission> submissions) {
-    const auto now = Clock::now();
+    const auto now = writers_.locks.now();
     for (Submission& submission : submissions) waiting_.push_back({std::move(submission), now, {}});
 }
 
@@ -44,7 +44,7 @@ std::vector<Verdict> RequestOrder::carryOut() {
     std::vector<Verdict> verdicts;
     heldClients_.clear();
     heldNodes_.clear();
-    const auto now = Clock::now();
+    const auto now = writers_.locks.now();
     for (std::size_t left = waiting_.size(); left > 0; --left) {
         Waiting request = std::move(waiting_.front());
         waiting_.pop_front();

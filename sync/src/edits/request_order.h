@@ -35,7 +35,6 @@ class RequestOrder {
     std::uint64_t bytes() const;
 
   private:
-    using Clock = std::chrono::steady_clock;
     struct Waiting {
         Submission submission;
         Clock::time_point since;

@@ -239,7 +239,7 @@ Result<MirrorRequest> examine(const Scene& scene, const Submission& submission, 
 std::string lockedFor(const Scene& scene, std::span<const Change> changes, std::string_view author,
                       const NodeLocks& locks) {
     if (locks.empty()) return {};
-    const auto now = NodeLocks::Clock::now();
+    const auto now = locks.now();
     for (const Change& c : changes)
         if (std::string why = locks.refusal(scene, c, author, now); !why.empty()) return why;
     return {};
@@ -319,8 +319,7 @@ Verdict carryOut(Scene& scene, const Submission& submission, Writers& writers) {
             break;
         }
         case MirrorRequest::Kind::lock:
-            if (auto ok =
-                    writers.locks.lock(scene, submission.author, asked->nodes, asked->lease, NodeLocks::Clock::now());
+            if (auto ok = writers.locks.lock(scene, submission.author, asked->nodes, asked->lease, writers.locks.now());
                 !ok)
                 verdict.refusal = ok.error().text.substr(0, kLongestReason);
             break;

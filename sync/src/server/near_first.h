@@ -18,11 +18,12 @@
 
 #include <rtsg/core/scene.h>
 
+#include "transport/clock.h"
+
 namespace rtsg {
 
 class NearFirst {
   public:
-    using Clock = std::chrono::steady_clock;
     static constexpr std::chrono::milliseconds kLongestWait{1000};
 
     /// `whole` is the scene as the peer has it now.

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "transport/transport.h"
+
 namespace rtsg {
 
 MirrorRelay::MirrorRelay(Scene& replica, std::string endpoint, MirrorServerOptions to)
@@ -12,6 +14,7 @@ MirrorRelay::~MirrorRelay() = default;
 Result<std::unique_ptr<MirrorRelay>> MirrorRelay::connect(Scene& replica, const std::string& origin,
                                                           const std::string& endpoint, MirrorClientOptions from,
                                                           MirrorServerOptions to) {
+    if (!to.transport) to.transport = zmqTransport();
     std::unique_ptr<MirrorRelay> relay(new MirrorRelay(replica, endpoint, std::move(to)));
     from.onMissed = [r = relay.get(), heard = std::move(from.onMissed)] {
         if (r->server_) r->server_->noteOriginMissed();
@@ -24,11 +27,12 @@ Result<std::unique_ptr<MirrorRelay>> MirrorRelay::connect(Scene& replica, const 
 }
 
 Result<std::size_t> MirrorRelay::poll(std::chrono::milliseconds timeout) {
-    const auto end = std::chrono::steady_clock::now() + timeout;
+    const Clock& clock = options_.transport->clock();
+    const auto end = clock.now() + timeout;
     const bool lost = client_->originLost();
     std::size_t applied = 0;
     while (true) {
-        const auto left = std::chrono::ceil<std::chrono::milliseconds>(end - std::chrono::steady_clock::now());
+        const auto left = std::chrono::ceil<std::chrono::milliseconds>(end - clock.now());
         applied += client_->poll(std::max(left, std::chrono::milliseconds(0)));
         if (!server_ && client_->statistics().frames > 0) {
             auto started = MirrorServer::start(replica_, endpoint_, options_);
@@ -44,7 +48,7 @@ Result<std::size_t> MirrorRelay::poll(std::chrono::milliseconds timeout) {
             server_->setOriginLost(client_->originLost());
             server_->service();
         }
-        if (applied > 0 || client_->originLost() != lost || std::chrono::steady_clock::now() >= end) return applied;
+        if (applied > 0 || client_->originLost() != lost || clock.now() >= end) return applied;
     }
 }
 

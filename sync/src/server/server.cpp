@@ -5,7 +5,6 @@
 #include <chrono>
 #include <iterator>
 #include <random>
-#include <thread>
 
 #include <fmt/format.h>
 #include <poll.h>
@@ -79,12 +78,14 @@ MirrorServer::MirrorServer(Scene& scene, std::shared_ptr<Shared> shared)
     : scene_(scene),
       shared_(std::move(shared)),
       encoder_(std::make_unique<Encoder>(shared_->options.mode)),
-      writers_(std::make_unique<mirror::Writers>()),
+      writers_(std::make_unique<mirror::Writers>(
+          mirror::Writers{.pointers = {}, .history = {}, .locks = mirror::NodeLocks(shared_->clock())})),
       order_(std::make_unique<mirror::RequestOrder>(scene, *writers_)) {}
 
 Result<std::unique_ptr<MirrorServer>> MirrorServer::start(Scene& scene, const std::string& endpoint,
                                                           MirrorServerOptions options) {
-    const Result<bool> local = isLocalEndpoint(endpoint);
+    if (!options.transport) options.transport = zmqTransport();
+    const Result<bool> local = options.transport->isLocal(endpoint);
     if (!local) return std::unexpected(local.error());
     if (!*local && !options.keys && !options.insecure)
         return fail(
@@ -95,8 +96,6 @@ Result<std::unique_ptr<MirrorServer>> MirrorServer::start(Scene& scene, const st
     if (options.mode.mode == Mode::lossy &&
         (options.upstream != MirrorUpstream::none || (options.keys && !options.keys->upstream.empty())))
         return fail("a lossy mirror takes no requests: the scene that it serves is not the one to be changed");
-    if (const auto loaded = delayed::zmq.load(); !loaded) return std::unexpected(loaded.error());
-    if (const auto ok = checkRoomForSocket(); !ok) return std::unexpected(ok.error());
     auto shared = std::make_shared<Shared>();
     const auto before = std::exchange(options.before, {});
     shared->options = std::move(options);
@@ -193,7 +192,7 @@ void MirrorServer::encodeAndPost(const ChangeSet& changes, bool requested) {
     const std::shared_ptr<EncodedRecord> record = shared_->pool->take();
     encoder_->encoder.encode(changes, record->bytes);
     finishRecord(*record);
-    record->published = mirror::clockNow();
+    record->published = shared_->clock().nanoseconds();
     if (shared_->options.mode.coding != Coding::raw && !changes.isSnapshot()) encodePredicted(changes, *record);
     if (shared_->options.mode.mode == Mode::input && !requested) encodeInput(changes, *record);
     // A snapshot within a stream means that the scene is a replica that joined anew.
@@ -218,11 +217,13 @@ Result<> MirrorServer::apply(const Scene& scene, const ChangeSet& changes) {
     notify(order_->happened(changes));
     const bool inThisState = scene.sequence() == changes.to && !scene.hasUnsealedEdits();
     if (inThisState && shared_->wantSnapshot.exchange(false)) encodeAndPost(scene.snapshot(), true);
-    if (shared_->options.blockFor.count() > 0) waitForThoseWhoBlock();
+    // With a clock that is stepped a peer could not catch up meanwhile.
+    if (shared_->options.blockFor.count() > 0 && !shared_->clock().isStepped()) waitForThoseWhoBlock();
     return {};
 }
 
 void MirrorServer::service() {
+    if (shared_->clock().isStepped()) io_->step();
     eventfd_t calls = 0;
     (void)::eventfd_read(shared_->call, &calls);
     std::vector<mirror::Submission> submissions;
@@ -272,11 +273,8 @@ void MirrorServer::service() {
 }
 
 void MirrorServer::wait(std::chrono::steady_clock::time_point until) {
-    const auto left = std::max(until - std::chrono::steady_clock::now(), std::chrono::steady_clock::duration(0));
-    const auto whole = std::chrono::floor<std::chrono::seconds>(left);
-    const timespec maximum = {whole.count(), static_cast<long>(std::chrono::nanoseconds(left - whole).count())};
     pollfd item = {shared_->call, POLLIN, 0};
-    (void)::ppoll(&item, 1, &maximum, nullptr);
+    (void)shared_->clock().wait({&item, 1}, std::max(until - shared_->clock().now(), Clock::duration::zero()));
 }
 
 int MirrorServer::callDescriptor() const {
@@ -286,6 +284,14 @@ int MirrorServer::callDescriptor() const {
 void MirrorServer::notify(std::vector<mirror::Verdict> verdicts) {
     if (verdicts.empty()) return;
     for (mirror::Verdict& verdict : verdicts) shared_->answer(std::move(verdict));
+    shared_->awaken();
+}
+
+void MirrorServer::admit(std::unique_ptr<Listener> listener) {
+    {
+        const std::scoped_lock lock(shared_->mutex);
+        shared_->listeners.push_back(std::move(listener));
+    }
     shared_->awaken();
 }
 
@@ -385,7 +391,8 @@ void MirrorServer::noteOriginMissed() {
 }
 
 bool MirrorServer::drain(std::chrono::milliseconds timeout) {
-    const auto end = std::chrono::steady_clock::now() + timeout;
+    Clock& clock = shared_->clock();
+    const auto end = clock.now() + timeout;
     while (true) {
         service();
         if (!shared_->result()) return false;
@@ -393,8 +400,8 @@ bool MirrorServer::drain(std::chrono::milliseconds timeout) {
         if (now.peers == 0 || now.acknowledged >= scene_.sequence()) return true;
         shared_->wantAcknowledged = true;
         shared_->awaken();
-        if (std::chrono::steady_clock::now() >= end) return false;
-        std::this_thread::sleep_for(std::chrono::milliseconds(5));
+        if (clock.now() >= end) return false;
+        (void)clock.wait({}, std::chrono::milliseconds(5));
     }
 }
 

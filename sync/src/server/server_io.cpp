@@ -10,11 +10,7 @@
 #include <stdexcept>
 
 #include <fmt/format.h>
-#include <poll.h>
 #include <pthread.h>
-#include <sys/socket.h>
-#include <sys/stat.h>
-#include <sys/un.h>
 #include <unistd.h>
 
 #include "sockets/rare_warning.h"
@@ -27,56 +23,29 @@ using Kind = MirrorShadow::Question::Kind;
 
 namespace {
 
-constexpr std::int64_t kLongestIncoming = mirror::kSubmitPart + 512;  // bytes; a hello is far below
-constexpr int kIncoming = 64;                                         // messages that wait on a connection
-constexpr int kBacklog = 4096;                                        // connections that wait to be accepted
-constexpr int kLinger = 200;                                          // ms
-constexpr auto kLastFrames = 300ms, kMergedWithin = 3000ms;           // for sending what peers do not have yet
-constexpr auto kFarewell = 1000ms;                                    // for peers to answer a goodbye
-constexpr auto kTick = 10ms, kLongestSleep = 2000ms;  // between two looks at all peers, at least and at most
-constexpr auto kMayBeLate = 1000ms;                   // while the machine is busy
-constexpr auto kTickCosts = 50us;                     // for each peer, so that the looks take some per cent of the time
-constexpr auto kSettle = 5ms;                         // between two publications of statistics, if there are more peers
-constexpr std::size_t kFewPeers = 16;                 // than this
-constexpr auto kGather = 1000us;                     // with more peers, all that they say in this time is read together
-constexpr auto kLookAround = 20ms, kLookSoon = 1ms;  // for connections that send no whole message
-constexpr auto kUntilRest = 250ms;                   // without frames, until connections need no more looks
-constexpr int kHandsOver = 1;                        // ms
-constexpr auto kUnusedPart = 10s;                    // until a part without peers is dropped
-constexpr auto kNoRegions = 60s;                     // until regions are tried again after a refusal
+constexpr std::size_t kLongestIncoming = mirror::kSubmitPart + 512;  // bytes; a hello is far below
+constexpr std::size_t kReadAtOnce = 1000;  // messages, so that a peer that floods us leaves time for the others
+constexpr auto kLastFrames = 300ms, kMergedWithin = 3000ms;  // for sending what peers do not have yet
+constexpr auto kFarewell = 1000ms;                           // for peers to answer a goodbye
+constexpr auto kTick = 10ms, kLongestSleep = 2000ms;         // between two looks at all peers, at least and at most
+constexpr auto kMayBeLate = 1000ms;                          // while the machine is busy
+constexpr auto kTickCosts = 50us;      // for each peer, so that the looks take some per cent of the time
+constexpr auto kSettle = 5ms;          // between two publications of statistics, if there are more peers
+constexpr std::size_t kFewPeers = 16;  // than this
+constexpr auto kGather = 1000us;       // with more peers, all that they say in this time is read together
+constexpr auto kLookAtLog = 20ms;      // as a log that hangs gives no notice
+constexpr auto kUntilRest = 250ms;     // without frames, until connections need no more looks
+constexpr auto kUnusedPart = 10s;      // until a part without peers is dropped
+constexpr auto kNoRegions = 60s;       // until regions are tried again after a refusal
 constexpr std::uint64_t kKeyframeEvery = std::uint64_t{8} << 20;  // bytes of frames, at least
-
-/// ZeroMQ deletes whatever is at the path of an ipc endpoint. That is right for a socket left by a killed server. This
-/// check protects other files and the sockets of running servers.
-Result<> checkSocketPath(const std::string& endpoint) {
-    constexpr std::string_view kScheme = "ipc://";
-    if (!endpoint.starts_with(kScheme)) return {};
-    const std::string path = endpoint.substr(kScheme.size());
-    struct stat there = {};
-    if (path.empty() || path[0] == '@' || path[0] == '*' || ::lstat(path.c_str(), &there) != 0) return {};
-    if (!S_ISSOCK(there.st_mode)) return fail(fmt::format("cannot bind {}: there is a file of that name", endpoint));
-    sockaddr_un address = {};
-    address.sun_family = AF_UNIX;
-    if (path.size() >= sizeof address.sun_path) return {};
-    path.copy(address.sun_path, path.size());
-    const int probe = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
-    if (probe < 0) return {};
-    // A server whose queue of connections is full runs, too.
-    const bool lives =
-        ::connect(probe, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0 || errno == EAGAIN;
-    ::close(probe);
-    if (lives) return fail(fmt::format("cannot bind {}: Address already in use", endpoint));
-    return {};
-}
 
 }  // namespace
 
 MirrorServer::Io::Io(std::shared_ptr<Shared> shared)
     : shared_(std::move(shared)),
-      router_(context_, ZMQ_ROUTER),
-      gate_(context_),
+      clock_(shared_->clock()),
       history_(streams_.try_emplace(0, shared_->options.history).first->second.history),
-      shadow_(shared_->pool, shared_->wake, std::max<std::uint64_t>(shared_->options.history, 64 << 20),
+      shadow_(clock_, shared_->pool, shared_->wake, std::max<std::uint64_t>(shared_->options.history, 64 << 20),
               shared_->options.maximumIndexed),
       merges_(shared_->pool) {}
 
@@ -84,27 +53,17 @@ MirrorServer::Io::~Io() {
     shared_->stop = true;
     shared_->awaken();
     if (thread_.joinable()) thread_.join();
+    if (clock_.isStepped() && !listeners_.empty()) guard([this] { sayGoodbye(); });
 }
 
 Result<> MirrorServer::Io::start(const std::string& endpoint) {
-    if (auto ok = checkSocketPath(endpoint); !ok) return ok;
-    router_.set(ZMQ_LINGER, kLinger);
-    router_.set(ZMQ_ROUTER_MANDATORY, 1);
-    router_.set(ZMQ_SNDHWM, 0);  // bounded by every peer's window instead
-    router_.set(ZMQ_RCVHWM, kIncoming);
-    router_.set(ZMQ_MAXMSGSIZE, kLongestIncoming);
-    router_.set(ZMQ_HANDSHAKE_IVL, 5000);
-    router_.set(ZMQ_BACKLOG, kBacklog);
-    if (auto ok = gate_.guard(router_, shared_->options.keys ? &*shared_->options.keys : nullptr); !ok) return ok;
-    if (shared_->options.keys && !shared_->options.keyFile.empty()) gate_.keyFile().begin(shared_->options.keyFile);
-    if (auto ok = checkPort(endpoint); !ok) return ok;
-    router_.set(ZMQ_IPV6, endpoint.starts_with("tcp://[") ? 1 : 0);
-    if (zmq_bind(router_.get(), endpoint.c_str()) != 0)
-        return std::unexpected(zmqFailure(fmt::format("cannot bind {}", endpoint)));
-    char bound[512] = {};
-    std::size_t length = sizeof(bound);
-    zmq_getsockopt(router_.get(), ZMQ_LAST_ENDPOINT, bound, &length);
-    shared_->endpoint = bound;
+    const MirrorServerOptions& options = shared_->options;
+    auto listener =
+        options.transport->listen(endpoint, {options.keys ? &*options.keys : nullptr, kLongestIncoming, shared_->wake});
+    if (!listener) return std::unexpected(listener.error());
+    if (options.keys && !options.keyFile.empty()) keyFile_.begin(options.keyFile);
+    listeners_.push_back(std::move(*listener));
+    shared_->endpoint = listeners_.front()->endpoint();
     dictionaryHash_ = dictionaryHash(builtinTypes());
     restart();
     shadow_.onSnapshot([shared = shared_](std::uint64_t state, std::shared_ptr<const ChangeSet> snapshot) {
@@ -115,7 +74,7 @@ Result<> MirrorServer::Io::start(const std::string& endpoint) {
         }
         if (log) log->giveSnapshot(state, std::move(snapshot));
     });
-    thread_ = std::thread([this] { run(); });
+    if (!clock_.isStepped()) thread_ = std::thread([this] { run(); });
     return {};
 }
 
@@ -138,13 +97,31 @@ void MirrorServer::Io::restart() {
 
 void MirrorServer::Io::run() {
     ::pthread_setname_np(::pthread_self(), "rtsg mirror");
-    try {
-        while (!shared_->stop) poll();
+    guard([this] {
+        while (!shared_->stop) {
+            gather();
+            wait(patience());
+            poll();
+        }
         sayGoodbye();
+    });
+}
+
+void MirrorServer::Io::step() {
+    guard([this] {
+        do {
+            wait(0ms);
+            poll();
+        } while (shadow_.step());
+    });
+}
+
+void MirrorServer::Io::guard(const std::function<void()>& work) {
+    try {
+        work();
     } catch (const std::exception& e) {
         giveUp(e.what());
     }
-    gate_.stopWatching(router_);
 }
 
 /// The application hears of the failure with the next frame, threads that wait for peers at once, and peers by the
@@ -163,53 +140,37 @@ void MirrorServer::Io::giveUp(const char* why) {
 /// A thousand peers answer one after the other, and waking up for each costs more than its message. So messages that
 /// arrive within a short time are read together. Frames of the scene are sent at once.
 void MirrorServer::Io::gather() {
-    const auto left = turned_ + kGather - Clock::now();
+    const auto left = turned_ + kGather - clock_.now();
     if (peers_.size() > kFewPeers && !news_ && left > 0ns) {
         pollfd item = {shared_->wake, POLLIN, 0};
-        const timespec maximum = {0, static_cast<long>(std::chrono::nanoseconds(left).count())};
-        (void)::ppoll(&item, 1, &maximum, nullptr);
+        (void)clock_.wait({&item, 1}, left);
     }
-    turned_ = Clock::now();
+    turned_ = clock_.now();
 }
 
-/// Sleeps until something comes or is due. Sockets that were not read until empty may hold messages already.
-MirrorServer::Io::Came MirrorServer::Io::wait() {
-    const ZmqSocket* sockets[] = {&router_, &gate_.monitor(), &gate_.zap()};
-    const bool all = std::ranges::all_of(sockets, [](const ZmqSocket* s) { return s->foundEmpty(); });
-    pollfd items[] = {{sockets[0]->descriptor(), POLLIN, 0},         {sockets[1]->descriptor(), POLLIN, 0},
-                      {sockets[2]->descriptor(), POLLIN, 0},         {shared_->wake, POLLIN, 0},
-                      {gate_.connections().descriptor(), POLLIN, 0}, {gate_.keyFile().descriptor(), POLLIN, 0}};
-    if (::poll(items, 6, all ? static_cast<int>(patience().count()) : 0) < 0 && errno != EINTR)
-        throw std::runtime_error(std::strerror(errno));
-    // Bytes arrive a moment before ZeroMQ hands over the message.
-    if (items[4].revents && !items[0].revents && !items[3].revents && all) (void)::poll(items, 4, kHandsOver);
-    if (items[3].revents) {
-        std::uint64_t count = 0;
-        (void)!::read(shared_->wake, &count, sizeof(count));
-    }
-    const auto any = [&](std::size_t i) { return items[i].revents != 0 || !sockets[i]->foundEmpty(); };
-    return {any(0), any(1), any(2), items[5].revents != 0};
+Listener::Items MirrorServer::Io::itemsOf(std::size_t listener) {
+    return Listener::Items(items_.data() + 2 + listener * Listener::kDescriptors, Listener::kDescriptors);
+}
+
+/// Sleeps until something comes or is due.
+void MirrorServer::Io::wait(Clock::duration maximum) {
+    items_.resize(2 + listeners_.size() * Listener::kDescriptors);
+    items_[0] = {shared_->wake, POLLIN, 0};
+    items_[1] = {keyFile_.descriptor(), POLLIN, 0};
+    const bool busy = isBusy_ && clock_.now() - newsAt_ < kUntilRest;
+    for (std::size_t i = 0; i < listeners_.size(); ++i)
+        maximum = std::min(maximum, listeners_[i]->prepare(itemsOf(i), busy));
+    if (clock_.wait(items_, maximum) < 0 && errno != EINTR) throw std::runtime_error(std::strerror(errno));
+    std::uint64_t count = 0;
+    if (items_[0].revents) (void)!::read(shared_->wake, &count, sizeof(count));
 }
 
 void MirrorServer::Io::poll() {
-    gather();
-    const Came came = wait();
     takeInbox();
     takeAnswers();
-    if (came.keys) takeKeys();
-    if (came.knocks) gate_.authenticate();
-    if (came.connections) {
-        const MirrorGate::Failures failures = gate_.failures();
-        statistics_.refused += failures.refused;
-        for (std::uint64_t i = 0; i < failures.refused; ++i)
-            warn(++strangers_, "refused a connection: its key is not on the list");
-        for (std::uint64_t i = 0; i < failures.garbage; ++i) garbage("a connection that did not speak the protocol");
-    }
-    gate_.connections().look(Clock::now());
-    const bool drained = !came.messages || receive();
-    for (std::size_t shut = gate_.connections().shutEndless(drained); shut > 0; --shut)
-        garbage("a message without end: its connection was ended");
-    const Clock::time_point now = Clock::now();
+    if (items_[1].revents) takeKeys();
+    receiveAll();
+    const Clock::time_point now = clock_.now();
     if (shared_->wantAcknowledged.exchange(false)) askAllForAcknowledgements();
     if (now - ticked_ >= std::max<Clock::duration>(kTick, kTickCosts * peers_.size()) ||
         shared_->originLost != reportedLost_)
@@ -250,7 +211,7 @@ void MirrorServer::Io::pumpHeard(Clock::time_point now) {
     }
 }
 
-MirrorServer::Io::Clock::time_point MirrorServer::Io::dueFor(const Peer& peer, Clock::time_point now) const {
+Clock::time_point MirrorServer::Io::dueFor(const Peer& peer, Clock::time_point now) const {
     Clock::time_point due = Clock::time_point::max();
     if (!peer.placed) due = now + 20ms;
     if (const auto wait = peer.pace.wait(now); wait.count() > 0) due = std::min(due, now + wait);
@@ -260,15 +221,10 @@ MirrorServer::Io::Clock::time_point MirrorServer::Io::dueFor(const Peer& peer, C
 }
 
 std::chrono::milliseconds MirrorServer::Io::patience() {
-    const Clock::time_point now = Clock::now();
+    const Clock::time_point now = clock_.now();
     if (news_) return 0ms;
     auto result = std::max(1ms, untilTick(now));
-    ConnectionWatch& connections = gate_.connections();
-    if (connections.suspicious())
-        result = std::min(result, kLookSoon);
-    else if (connections.any() && ((isBusy_ && now - newsAt_ < kUntilRest) || !connections.rest()))
-        result = std::min(result, kLookAround);
-    if (!held_.empty()) result = std::min(result, kLookAround);  // a log that hangs gives no notice
+    if (!held_.empty()) result = std::min<std::chrono::milliseconds>(result, kLookAtLog);
     const Clock::time_point due = unsettled_ ? std::min(allDue_, settled_ + settling()) : allDue_;
     return std::clamp(std::chrono::ceil<std::chrono::milliseconds>(due - now), 1ms, result);
 }
@@ -283,7 +239,7 @@ std::chrono::milliseconds MirrorServer::Io::untilTick(Clock::time_point now) con
     return std::chrono::ceil<std::chrono::milliseconds>(due - now);
 }
 
-MirrorServer::Io::Clock::duration MirrorServer::Io::settling() const {
+Clock::duration MirrorServer::Io::settling() const {
     return std::max<Clock::duration>(kSettle, kTickCosts * peers_.size());
 }
 
@@ -300,19 +256,17 @@ void MirrorServer::Io::sendLastFrames() {
         peer.pace.lift();
         peer.due = {};
     }
-    const Clock::time_point start = Clock::now();
+    const Clock::time_point start = clock_.now();
     while (true) {
+        if (clock_.isStepped()) (void)shadow_.step();
         takeAnswers();
-        receive();
         for (auto peer = peers_.begin(); peer != peers_.end();) peer = pump(peer->second) ? ++peer : peers_.erase(peer);
         const bool all = std::ranges::all_of(peers_, [this](const auto& p) { return hasBeenSentAll(p.second); });
         // Merging is our own work, so no peer can delay the end by it.
         const bool merging = std::ranges::any_of(peers_, [](const auto& p) { return p.second.asking; });
-        if (all || Clock::now() - start >= (merging ? kMergedWithin : kLastFrames)) return;
-        zmq_pollitem_t items[] = {{router_.get(), 0, ZMQ_POLLIN, 0}, {nullptr, shared_->wake, ZMQ_POLLIN, 0}};
-        zmq_poll(items, 2, 10);
-        std::uint64_t count = 0;
-        if (items[1].revents) (void)!::read(shared_->wake, &count, sizeof(count));
+        if (all || clock_.now() - start >= (merging ? kMergedWithin : kLastFrames)) return;
+        wait(10ms);
+        receiveAll();
     }
 }
 
@@ -325,11 +279,10 @@ void MirrorServer::Io::sayGoodbye() {
         mirror::write(message_, Message::bye, newest);
         return !sendTo(peer.first, message_);
     });
-    const Clock::time_point end = Clock::now() + kFarewell;
-    while (!peers_.empty() && Clock::now() < end) {
-        zmq_pollitem_t items[] = {{router_.get(), 0, ZMQ_POLLIN, 0}};
-        zmq_poll(items, 1, 20);
-        receive();
+    const Clock::time_point end = clock_.now() + kFarewell;
+    while (!peers_.empty() && clock_.now() < end) {
+        wait(20ms);
+        receiveAll();
     }
 }
 
@@ -339,6 +292,10 @@ void MirrorServer::Io::takeInbox() {
     std::vector<Shared::Control> replies;
     {
         const std::scoped_lock lock(shared_->mutex);
+        for (std::unique_ptr<Listener>& more : std::exchange(shared_->listeners, {})) {
+            listeners_.push_back(std::move(more));
+            items_.resize(2 + listeners_.size() * Listener::kDescriptors);
+        }
         items.swap(shared_->inbox);
         verdicts.swap(shared_->verdicts);
         replies.swap(shared_->replies);
@@ -353,7 +310,7 @@ void MirrorServer::Io::takeInbox() {
         release(std::move(held_.front()));
     }
     news_ |= any || !verdicts.empty();
-    if (news_) isBusy_ = Clock::now() - std::exchange(newsAt_, Clock::now()) < kUntilRest;
+    if (news_) isBusy_ = clock_.now() - std::exchange(newsAt_, clock_.now()) < kUntilRest;
     // Earlier frames come first, and the keyframe of their last state right after them.
     if (any && !earlier) keepKeyframeNear(0);
     for (mirror::Verdict& verdict : verdicts) {
@@ -378,7 +335,7 @@ bool MirrorServer::Io::waitsForLog(const Shared::Item& item) const {
     const auto longest = static_cast<std::uint64_t>(std::chrono::nanoseconds(logged_.longestWait).count());
     const bool logged =
         item.start < logged_.start || (item.start == logged_.start && item.record->header.to <= logged_.state);
-    return !logged && item.record->published + longest > mirror::clockNow();
+    return !logged && item.record->published + longest > clock_.nanoseconds();
 }
 
 /// Releases a frame to the peers.
@@ -461,25 +418,33 @@ void MirrorServer::Io::takeAnswer(MirrorShadow::Answer answer) {
     peer->second.answer = std::move(answer);
 }
 
-bool MirrorServer::Io::receive() {
-    // The number is bounded, so that a peer that floods us leaves time for the others.
-    for (int i = 0; i < 1000; ++i) {
-        ZmqMessage identity, head, body;
-        if (!router_.receive(identity)) return true;
-        if (!identity.more() || !router_.receive(head)) {
-            garbage("a message without content");
+bool MirrorServer::Io::receive(std::size_t listener) {
+    const auto prefix = static_cast<char>(listener);
+    Received message;
+    std::string identity;
+    for (std::size_t i = 0; i < kReadAtOnce; ++i) {
+        if (!listeners_[listener]->receive(message)) return true;
+        if (message.problem) {
+            garbage(message.problem);
             continue;
         }
-        gate_.connections().delivered(head);
-        if (head.more()) router_.receive(body);
-        if (body.more()) {
-            router_.skipRest(body);
-            garbage("a message of too many parts");
-            continue;
-        }
-        handle(identity.text(), head.bytes(), body, shared_->options.keys ? userOf(head) : std::string());
+        identity.assign(1, prefix).append(message.from);
+        handle(identity, message.first, message.second, message.user);
     }
     return false;
+}
+
+/// Call it after a wait.
+void MirrorServer::Io::receiveAll() {
+    for (std::size_t i = 0; i < listeners_.size(); ++i) {
+        const bool drained = !listeners_[i]->came(itemsOf(i)) || receive(i);
+        const Listener::Failures failures = listeners_[i]->received(drained);
+        statistics_.refused += failures.refused;
+        for (std::uint64_t n = 0; n < failures.refused; ++n)
+            warn(++strangers_, "refused a connection: its key is not on the list");
+        for (std::uint64_t n = 0; n < failures.garbage; ++n) garbage("a connection that did not speak the protocol");
+        for (std::uint64_t n = 0; n < failures.endless; ++n) garbage("a message without end: its connection was ended");
+    }
 }
 
 /// Drops a stream. Its peers are told to say hello again.
@@ -511,7 +476,7 @@ bool MirrorServer::Io::dropUnusedPart() {
 void MirrorServer::Io::refuseRegions(std::string why) {
     if (noRegions_ != why) shared_->report(Severity::warning, "no parts by region: " + why);
     noRegions_ = std::move(why);
-    regionsAgain_ = Clock::now() + kNoRegions;
+    regionsAgain_ = clock_.now() + kNoRegions;
     const auto isRegion = [](const auto& s) { return isPartByRegion(s.second.wishes); };
     for (auto s = streams_.begin(); (s = std::find_if(s, streams_.end(), isRegion)) != streams_.end();) {
         const std::uint32_t part = (s++)->first;
@@ -568,9 +533,10 @@ bool MirrorServer::Io::ping(const Peer& peer) {
     return sendTo(peer.identity, message_);
 }
 
-bool MirrorServer::Io::sendTo(const std::string& identity, const ByteBuffer& head, ZmqMessage* body) {
-    ZmqMessage to(std::as_bytes(std::span(identity.data(), identity.size()))), first(head.bytes());
-    return router_.send(to, true) && router_.send(first, body != nullptr) && (!body || router_.send(*body));
+bool MirrorServer::Io::sendTo(const std::string& identity, const ByteBuffer& head, std::span<const std::byte> body,
+                              const SharedBytes& owner) {
+    const std::string_view to(identity);
+    return listeners_[static_cast<unsigned char>(to[0])]->send(to.substr(1), head.bytes(), body, owner);
 }
 
 void MirrorServer::Io::garbage(std::string text) {
@@ -588,7 +554,7 @@ void MirrorServer::Io::publishStatistics() {
     statistics_.sequence = history_.newest();
     statistics_.acknowledged = history_.newest();
     bool heldUp = false;
-    const Clock::time_point now = Clock::now();
+    const Clock::time_point now = clock_.now();
     for (auto& [identity, peer] : peers_) {
         statistics_.acknowledged = std::min(statistics_.acknowledged, peer.ackedState);
         if (peer.whenSlow != MirrorWhenSlow::block) continue;

@@ -1,8 +1,8 @@
-// MirrorServer::Io: the side of a mirror server that talks to peers. It has one thread, one ROUTER socket, and all
-// peers.
+// MirrorServer::Io: the side of a mirror server that talks to peers. It has one thread, listeners, and all peers.
 //
-// Invariant: only this thread touches peers, histories and sockets. It does nothing that takes long; the shadow does
-// that. The scene's thread hands over records through the inbox, and waits only for peers that may hold it up.
+// Invariant: only this thread touches peers, histories and listeners. It does nothing that takes long; the shadow does
+// that. The scene's thread hands over records through the inbox, and waits only for peers that may hold it up. With a
+// clock that is stepped there is no thread: step() does what it would have done.
 #pragma once
 
 #include <atomic>
@@ -17,6 +17,8 @@
 #include <thread>
 #include <vector>
 
+#include <poll.h>
+
 #include <rtsg/sync/mirror_server.h>
 #include <rtsg/sync/record_log.h>
 
@@ -24,10 +26,10 @@
 #include "history.h"
 #include "plain_merges.h"
 #include "shadow.h"
-#include "sockets/gate.h"
+#include "sockets/file_watch.h"
 #include "sockets/message.h"
 #include "sockets/pace.h"
-#include "sockets/zmq_socket.h"
+#include "transport/transport.h"
 
 namespace rtsg {
 
@@ -61,12 +63,15 @@ struct MirrorServer::Shared {
     int wake = -1;                               // eventfd of the sockets' thread
     int call = -1;                               // eventfd of the scene's thread: service() has something to do
 
+    Clock& clock() const { return options.transport->clock(); }
+
     std::mutex mutex;  // guards the rest
     std::condition_variable caughtUp;
     bool heldUp = false;  // a peer that may hold up the scene is behind
     std::vector<Item> inbox;
-    std::chrono::milliseconds longestWaitForLog{0};  // 0: frames do not wait for a log
-    std::uint64_t loggedStart = 0, loggedState = 0;  // what is in the log
+    std::vector<std::unique_ptr<Listener>> listeners;  // more of them
+    std::chrono::milliseconds longestWaitForLog{0};    // 0: frames do not wait for a log
+    std::uint64_t loggedStart = 0, loggedState = 0;    // what is in the log
     std::vector<mirror::Submission> submissions;
     std::vector<std::uint64_t> left;  // clients that are gone and had sent requests
     std::uint64_t submittedBytes = 0;
@@ -92,10 +97,10 @@ class MirrorServer::Io {
     ~Io();
     /// Binds and starts the thread. `shared->endpoint` is then the real address.
     Result<> start(const std::string& endpoint);
+    /// With a clock that is stepped: takes what has come, and sends what is due.
+    void step();
 
   private:
-    using Clock = std::chrono::steady_clock;
-
     struct Peer {
         std::string identity, name, author;
         std::string user;  // its public key; empty without keys
@@ -153,11 +158,10 @@ class MirrorServer::Io {
     };
 
     void run();
-    /// Says which sockets may have something.
-    struct Came {
-        bool messages = false, connections = false, knocks = false, keys = false;
-    };
-    Came wait();
+    /// Does it, and gives up if that throws.
+    void guard(const std::function<void()>& work);
+    void wait(Clock::duration maximum);
+    Listener::Items itemsOf(std::size_t listener);
     void gather();
     void poll();
     void giveUp(const char* why);
@@ -173,11 +177,12 @@ class MirrorServer::Io {
     void takeAnswer(MirrorShadow::Answer answer);
     /// Returns false if messages are left. Reading is bounded, so that a peer that floods us leaves time for the
     /// others.
-    bool receive();
-    void handle(const std::string& identity, std::span<const std::byte> bytes, const ZmqMessage& body,
+    bool receive(std::size_t listener);
+    void receiveAll();
+    void handle(const std::string& identity, std::span<const std::byte> bytes, std::span<const std::byte> body,
                 const std::string& user);
     void handleOf(Peer& peer, mirror::Message type, wire::Reader& in, std::span<const std::byte> bytes,
-                  const ZmqMessage& body);
+                  std::span<const std::byte> body);
     void hello(const std::string& identity, const mirror::Hello& hello, const std::string& user);
     void noteHeard(const std::string& identity);
     std::string authorOf(const mirror::Hello& hello, const std::string& user) const;
@@ -186,7 +191,7 @@ class MirrorServer::Io {
     bool isListed(const std::string& user) const;
     MirrorUpstream upstreamOf(const std::string& user) const;
     void question(Peer& peer, std::span<const std::byte> bytes);
-    void submission(Peer& peer, wire::Reader& in, const ZmqMessage& body);
+    void submission(Peer& peer, wire::Reader& in, std::span<const std::byte> body);
     void control(Peer& peer, wire::Reader& in);
     void reply(const Shared::Control& control);
     void restart();
@@ -238,9 +243,8 @@ class MirrorServer::Io {
     bool mayWait(const Peer& peer, std::uint64_t size, Clock::time_point now) const;
     bool askForAcknowledgement(Peer& peer);
     void askAllForAcknowledgements();
-    bool sendTo(const std::string& identity, const ByteBuffer& head, ZmqMessage* body = nullptr);
-    /// A message with a part of a record. All peers share it if the part is the whole record.
-    const ZmqMessage& bodyOf(const SharedRecord& record, std::span<const std::byte> part);
+    bool sendTo(const std::string& identity, const ByteBuffer& head, std::span<const std::byte> body = {},
+                const SharedBytes& owner = {});
     /// Tells the state sent and the scene's. Returns false if the peer is gone.
     bool ping(const Peer& peer);
     void garbage(std::string text);
@@ -248,9 +252,10 @@ class MirrorServer::Io {
     void publishStatistics();
 
     std::shared_ptr<Shared> shared_;
-    ZmqContext context_;
-    ZmqSocket router_;
-    MirrorGate gate_;
+    Clock& clock_;
+    std::vector<std::unique_ptr<Listener>> listeners_;
+    std::vector<pollfd> items_;                // to wait at: `wake`, the list of keys, and those of the listeners
+    FileWatch keyFile_;                        // tells when the list of keys may be another one
     std::map<std::uint32_t, Stream> streams_;  // 0 is the whole scene
     MirrorHistory& history_;                   // history of the whole scene
     std::uint32_t nextPart_ = 1;
@@ -279,8 +284,6 @@ class MirrorServer::Io {
     std::uint64_t crowded_ = 0, strangers_ = 0, foreigners_ = 0;
     ByteBuffer message_, head_;
     std::size_t wantedNext_ = 0;  // bytes of the last frame's buffer, as more such frames will come
-    std::optional<ZmqMessage> body_;
-    SharedRecord bodyRecord_;  // the record whose whole is in `body_`
     std::uint64_t dictionaryHash_ = 0;
     Clock::time_point forgetAsked_{};
     std::string noRegions_;             // why regions were refused when last tried

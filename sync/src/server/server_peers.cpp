@@ -14,7 +14,7 @@ using Kind = MirrorShadow::Question::Kind;
 namespace {
 
 constexpr std::size_t kChunk = std::size_t{256} << 10;
-constexpr std::size_t kCopyBelow = 1024;  // shorter bodies are copied, which is cheaper than reference counting
+constexpr std::size_t kSmall = 1024;  // bytes of a record whose acknowledgement may wait long
 constexpr std::uint64_t kSmallestWindow = 64 << 10, kLargestWindow = std::uint64_t{64} << 20;
 constexpr std::uint64_t kLargestDebt = 2 * kLargestWindow;
 constexpr std::uint64_t kAnswerCost = 1024;  // overhead of an answer that waits to be read
@@ -33,8 +33,8 @@ constexpr const char* kNotListed = "its key is no longer on the list";
 
 }  // namespace
 
-void MirrorServer::Io::handle(const std::string& identity, std::span<const std::byte> bytes, const ZmqMessage& body,
-                              const std::string& user) {
+void MirrorServer::Io::handle(const std::string& identity, std::span<const std::byte> bytes,
+                              std::span<const std::byte> body, const std::string& user) {
     wire::Reader in(bytes);
     const std::optional<Message> type = mirror::readPrologue(in);
     if (const auto version = mirror::foreignVersion(bytes);
@@ -71,7 +71,7 @@ void MirrorServer::Io::noteHeard(const std::string& identity) {
 }
 
 void MirrorServer::Io::handleOf(Peer& peer, Message type, wire::Reader& in, std::span<const std::byte> bytes,
-                                const ZmqMessage& body) {
+                                std::span<const std::byte> body) {
     switch (type) {
         case Message::ack: {
             std::uint64_t numbers[3];  // session, sequence, bytes
@@ -81,7 +81,7 @@ void MirrorServer::Io::handleOf(Peer& peer, Message type, wire::Reader& in, std:
                 return garbage("an acknowledgement of what was never sent");
             peer.debt = 0;  // messages arrive in order, so it has read everything before
             peer.ackedBytes = numbers[2];
-            peer.awaitedAt = Clock::now();  // a peer that acknowledges by itself need not be asked
+            peer.awaitedAt = clock_.now();  // a peer that acknowledges by itself need not be asked
             peer.pace.acknowledged(numbers[2], peer.awaitedAt);
             peer.ackedState = numbers[1];
             break;
@@ -89,7 +89,7 @@ void MirrorServer::Io::handleOf(Peer& peer, Message type, wire::Reader& in, std:
         case Message::ping: {
             std::uint64_t token[1];
             if (!mirror::read(in, token)) return garbage("a malformed ping");
-            const std::uint64_t answer[] = {token[0], mirror::clockNow()};
+            const std::uint64_t answer[] = {token[0], clock_.nanoseconds()};
             mirror::write(message_, Message::pong, answer);
             sendTo(peer.identity, message_);
             break;
@@ -108,7 +108,7 @@ void MirrorServer::Io::handleOf(Peer& peer, Message type, wire::Reader& in, std:
         default:
             break;
     }
-    peer.heard = Clock::now();
+    peer.heard = clock_.now();
 }
 
 /// Also sent to a peer that must join anew, as after a seek, because it said hello by the same connection.
@@ -151,7 +151,7 @@ void MirrorServer::Io::refuseVersion(const std::string& identity, std::uint8_t v
 /// Reads the list of clients again. A file that makes no sense, as one that is half written, changes nothing.
 void MirrorServer::Io::takeKeys() {
     MirrorServerOptions& options = shared_->options;
-    if (!options.keys || !gate_.keyFile().changed()) return;
+    if (!options.keys || !keyFile_.changed()) return;
     auto fresh = MirrorKeys::load(options.keyFile);
     if (!fresh)
         return shared_->report(Severity::warning, fresh.error().format() + ": the list of keys stays as it was");
@@ -196,7 +196,7 @@ std::optional<std::uint32_t> MirrorServer::Io::streamFor(const mirror::Hello& he
     ByteBuffer text;
     stream.wishes.write(text);
     stream.epochMix = checksumOf(text.bytes());
-    stream.used = Clock::now();
+    stream.used = clock_.now();
     MirrorShadow::Question question;
     question.kind = Kind::open;
     question.part = part;
@@ -231,7 +231,7 @@ void MirrorServer::Io::hello(const std::string& identity, const mirror::Hello& h
         }
     }
     if (const auto refusal = MirrorPart::refusalOf(hello.wishes)) return refuse(identity, *refusal, true);
-    if (isPartByRegion(hello.wishes) && Clock::now() < regionsAgain_) return refuse(identity, noRegions_);
+    if (isPartByRegion(hello.wishes) && clock_.now() < regionsAgain_) return refuse(identity, noRegions_);
     const std::optional<std::uint32_t> part = hello.wishes.partial() ? streamFor(hello) : 0;
     if (!part) return refuse(identity, "the server follows as many parts of the scene as it does at once");
     if (found == peers_.end()) found = peers_.emplace(identity, Peer{}).first;
@@ -248,7 +248,7 @@ void MirrorServer::Io::hello(const std::string& identity, const mirror::Hello& h
     peer.client = hello.wishes.client;
     peer.author = authorOf(hello, user);
     peer.window = std::clamp(hello.window, kSmallestWindow, kLargestWindow);
-    peer.heard = peer.spoken = peer.allowed = Clock::now();
+    peer.heard = peer.spoken = peer.allowed = clock_.now();
     peer.allowance = allowance;
     if (hello.wishes.whenSlow <= static_cast<std::uint8_t>(MirrorWhenSlow::nearFirst))
         peer.whenSlow = static_cast<MirrorWhenSlow>(hello.wishes.whenSlow);
@@ -272,8 +272,7 @@ void MirrorServer::Io::hello(const std::string& identity, const mirror::Hello& h
                                      static_cast<std::uint64_t>(shared_->options.heartbeat.count()),
                                      historyOf(peer).newest(), shared_->originMissed};
     mirror::write(message_, Message::welcome, numbers);
-    ZmqMessage body(head_.bytes());
-    if (!sendTo(identity, message_, &body)) peers_.erase(found);
+    if (!sendTo(identity, message_, head_.bytes())) peers_.erase(found);
 }
 
 void MirrorServer::Io::enqueue(Peer& peer) {
@@ -285,7 +284,7 @@ void MirrorServer::Io::enqueue(Peer& peer) {
 }
 
 void MirrorServer::Io::question(Peer& peer, std::span<const std::byte> bytes) {
-    const Clock::time_point now = Clock::now();
+    const Clock::time_point now = clock_.now();
     const double earned = std::chrono::duration<double>(now - peer.allowed).count() * kQuestionsPerSecond;
     peer.allowance = std::min(kMaxQuestions, peer.allowance + earned);
     peer.allowed = now;
@@ -302,7 +301,7 @@ void MirrorServer::Io::question(Peer& peer, std::span<const std::byte> bytes) {
     shadow_.ask(std::move(question));
 }
 
-void MirrorServer::Io::submission(Peer& peer, wire::Reader& in, const ZmqMessage& body) {
+void MirrorServer::Io::submission(Peer& peer, wire::Reader& in, std::span<const std::byte> body) {
     std::uint64_t numbers[4];  // session, request, size, offset
     if (!mirror::read(in, numbers)) return garbage("a malformed submission");
     const auto [session, request, size, offset] = numbers;
@@ -315,7 +314,7 @@ void MirrorServer::Io::submission(Peer& peer, wire::Reader& in, const ZmqMessage
         author += "/" + std::string(given);
     }
     const char* problem = nullptr;
-    const bool complete = peer.submission.add(request, size, offset, body.bytes(), problem);
+    const bool complete = peer.submission.add(request, size, offset, body, problem);
     if (problem) return garbage(problem);
     if (!complete) return;
     mirror::Submission whole{peer.client,  request,          peer.upstream, std::move(peer.submission.bytes),
@@ -363,7 +362,7 @@ SharedRecord MirrorServer::Io::keyframeFor(Peer& peer) {
     SharedRecord keyframe = historyOf(peer).keyframe();
     const bool near =
         keyframe && historyOf(peer).bytesFrom(keyframe->header.to) <= keyframe->bytes.size() + kSmallBacklog;
-    const Clock::time_point now = Clock::now();
+    const Clock::time_point now = clock_.now();
     if (peer.waitingSince == Clock::time_point{}) peer.waitingSince = now;
     if (!near) {
         askForKeyframe(peer.part);
@@ -448,7 +447,7 @@ SharedRecord MirrorServer::Io::nextFor(Peer& peer) {
         if (peer.answer) {
             next = frameTowards(peer, peer.answer->state);
         } else if (peer.interval.count() > 0) {
-            const Clock::time_point now = Clock::now();
+            const Clock::time_point now = clock_.now();
             if (now < peer.due) return nullptr;
             peer.due = std::max(peer.due + peer.interval, now);
             next = frameFor(peer);
@@ -521,7 +520,7 @@ SharedRecord MirrorServer::Io::codedFor(Peer& peer, SharedRecord record) {
     peer.remembers = predicted && (peer.remembers || record->predicted->header.flags & kForget);
     if (peer.remembers) return record->predicted;
     // Not for peers that always get merged frames, and not more often than it pays.
-    const Clock::time_point now = Clock::now();
+    const Clock::time_point now = clock_.now();
     if (shared_->options.mode.coding != Coding::raw && peer.part == 0 && peer.interval.count() == 0 &&
         now - forgetAsked_ > kForgetEvery) {
         forgetAsked_ = now;
@@ -542,32 +541,15 @@ SharedRecord MirrorServer::Io::asFollowed(Peer& peer, SharedRecord next) {
     return codedFor(peer, next);
 }
 
-/// The last message is kept until another record comes; it is at most as long as a part.
-const ZmqMessage& MirrorServer::Io::bodyOf(const SharedRecord& record, std::span<const std::byte> part) {
-    const bool isComplete = part.size() == record->bytes.size();
-    if (isComplete && body_ && bodyRecord_ == record) return *body_;
-    body_.emplace(part, record);
-    bodyRecord_ = isComplete ? record : nullptr;
-    return *body_;
-}
-
 bool MirrorServer::Io::sendChunk(Peer& peer) {
     const std::span<const std::byte> whole = peer.sending->bytes.bytes();
-    const Clock::time_point now = Clock::now();
+    const Clock::time_point now = clock_.now();
     const std::size_t maximum = peer.pace.chunk(kChunk, now);
     const std::span<const std::byte> part = whole.subspan(peer.sent, std::min(maximum, whole.size() - peer.sent));
     const bool later = part.size() == whole.size() && mayWait(peer, part.size(), now);
     const std::uint64_t numbers[] = {peer.session, whole.size(), peer.sent, peer.sending->published, later};
     mirror::write(message_, Message::data, numbers);
-    bool ok = false;
-    if (part.size() < kCopyBelow) {
-        ZmqMessage body(part);
-        ok = sendTo(peer.identity, message_, &body);
-    } else {
-        ZmqMessage body(ZmqMessage::Shared{}, bodyOf(peer.sending, part));
-        ok = sendTo(peer.identity, message_, &body);
-    }
-    if (!ok) return false;
+    if (!sendTo(peer.identity, message_, part, peer.sending)) return false;
     peer.spoken = now;
     peer.sent += part.size();
     peer.sentBytes += part.size();
@@ -584,7 +566,7 @@ bool MirrorServer::Io::sendChunk(Peer& peer) {
 /// Returns whether the peer may delay its acknowledgement of so many more bytes. Each is a message that wakes four
 /// threads; with credit enough, one for several frames will do.
 bool MirrorServer::Io::mayWait(const Peer& peer, std::uint64_t size, Clock::time_point now) const {
-    const bool isSeldom = size <= kCopyBelow && now - peer.spoken > kAskEvery;
+    const bool isSeldom = size <= kSmall && now - peer.spoken > kAskEvery;
     return peer.debt == 0 && peer.whenSlow != MirrorWhenSlow::block &&
            now - peer.awaitedAt < (isSeldom ? kAskSeldom : kAskEvery) &&
            peer.sentBytes + size - peer.ackedBytes <= peer.window / 4 && (isSeldom || peer.pace.spare(size, now));
@@ -595,7 +577,7 @@ bool MirrorServer::Io::mayWait(const Peer& peer, std::uint64_t size, Clock::time
 bool MirrorServer::Io::askForAcknowledgement(Peer& peer) {
     if (peer.awaitedBytes == peer.sentBytes) return true;
     peer.awaitedBytes = peer.sentBytes;
-    peer.spoken = peer.awaitedAt = Clock::now();
+    peer.spoken = peer.awaitedAt = clock_.now();
     return ping(peer);
 }
 
@@ -607,7 +589,7 @@ void MirrorServer::Io::askAllForAcknowledgements() {
 /// True if the peer has credit in bytes and in time.
 bool MirrorServer::Io::mayPass(Peer& peer) {
     const std::uint64_t record = peer.sending ? peer.sending->bytes.size() : 0;
-    const Clock::time_point now = Clock::now();
+    const Clock::time_point now = clock_.now();
     if (peer.sentBytes - peer.ackedBytes < peer.window && peer.pace.open(record, now)) return true;
     if (peer.sending || (peer.placed && peer.state != historyOf(peer).newest())) peer.pace.held(now);
     return false;

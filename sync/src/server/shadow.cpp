@@ -39,9 +39,10 @@ constexpr int kEasedFraction = 20;  // a new one is made after this many times i
 
 }  // namespace
 
-MirrorShadow::MirrorShadow(std::shared_ptr<RecordPool> pool, int wake, std::uint64_t limit, std::size_t index)
-    : pool_(std::move(pool)), wake_(wake), limit_(limit), maximumIndexed_(index), decoder_({}, 0) {
-    thread_ = std::thread([this] { run(); });
+MirrorShadow::MirrorShadow(const Clock& clock, std::shared_ptr<RecordPool> pool, int wake, std::uint64_t limit,
+                           std::size_t index)
+    : clock_(clock), pool_(std::move(pool)), wake_(wake), limit_(limit), maximumIndexed_(index), decoder_({}, 0) {
+    if (!clock_.isStepped()) thread_ = std::thread([this] { run(); });
 }
 
 MirrorShadow::~MirrorShadow() {
@@ -50,7 +51,7 @@ MirrorShadow::~MirrorShadow() {
         stop_ = true;
     }
     some_.notify_one();
-    thread_.join();
+    if (thread_.joinable()) thread_.join();
 }
 
 void MirrorShadow::onSnapshot(TakeSnapshot take) {
@@ -141,8 +142,6 @@ void MirrorShadow::checkAlive() {
 void MirrorShadow::follow() {
     ::setpriority(PRIO_PROCESS, static_cast<id_t>(::syscall(SYS_gettid)),
                   kNiceness);  // only a wish, so a refusal does no harm
-    Scene scene;               // belongs to the thread that makes it
-    scene.setBehavioursEnabled(false);
     std::unique_lock lock(mutex_);
     while (!stop_) {
         const auto hurries = [this] {
@@ -151,39 +150,58 @@ void MirrorShadow::follow() {
         };
         some_.wait(lock, [&] { return hurries() || isWorthWaking(); });
         some_.wait_for(lock, kLeisure, hurries);
-        if (eraHere_ != era_) {
-            parts_.clear();
-            eased_.clear();
-            merged_.clear();
-        }
-        eraHere_ = era_;
-        while (!waiting_.empty() && !stop_) {
-            const auto [record, snapshot] = std::move(waiting_.front());
-            waiting_.pop_front();
-            waitingBytes_ -= memoryOf(*record);
-            if (snapshot) handingOver_ = record->header.to;
-            const SharedRecord next = waiting_.empty() ? nullptr : waiting_.front().record;
-            lock.unlock();
-            const bool skipped = !snapshot && skip(*record, next.get());
-            const bool good = !skipped && follow(scene, record);
-            if (snapshot) handOver(scene, record->header.to, good);
-            handingOver_.reset();
-            lock.lock();
-        }
-        hurries_ = false;
-        if (stop_ || questions_.empty() || lost_) continue;
-        const Question question = std::move(questions_.front());
-        questions_.pop_front();
-        lock.unlock();
-        if (question.kind == Question::Kind::open)
-            openPart(scene, question);
-        else if (question.kind == Question::Kind::close)
-            parts_.erase(question.part);
-        else
-            reply(answer(scene, question));
-        lock.lock();
-        if (parts_.empty() && questions_.empty()) eager_ = false;
+        work(lock);
     }
+    lock.unlock();
+    scene_.reset();
+}
+
+bool MirrorShadow::step() {
+    std::unique_lock lock(mutex_);
+    if (stop_ || (waiting_.empty() && (questions_.empty() || lost_))) return false;
+    work(lock);
+    return true;
+}
+
+/// With the lock held: takes all records that wait, and one question.
+void MirrorShadow::work(std::unique_lock<std::mutex>& lock) {
+    if (!scene_) {
+        scene_ = std::make_unique<Scene>();  // belongs to the thread that makes it
+        scene_->setBehavioursEnabled(false);
+    }
+    Scene& scene = *scene_;
+    if (eraHere_ != era_) {
+        parts_.clear();
+        eased_.clear();
+        merged_.clear();
+    }
+    eraHere_ = era_;
+    while (!waiting_.empty() && !stop_) {
+        const auto [record, snapshot] = std::move(waiting_.front());
+        waiting_.pop_front();
+        waitingBytes_ -= memoryOf(*record);
+        if (snapshot) handingOver_ = record->header.to;
+        const SharedRecord next = waiting_.empty() ? nullptr : waiting_.front().record;
+        lock.unlock();
+        const bool skipped = !snapshot && skip(*record, next.get());
+        const bool good = !skipped && follow(scene, record);
+        if (snapshot) handOver(scene, record->header.to, good);
+        handingOver_.reset();
+        lock.lock();
+    }
+    hurries_ = false;
+    if (stop_ || questions_.empty() || lost_) return;
+    const Question question = std::move(questions_.front());
+    questions_.pop_front();
+    lock.unlock();
+    if (question.kind == Question::Kind::open)
+        openPart(scene, question);
+    else if (question.kind == Question::Kind::close)
+        parts_.erase(question.part);
+    else
+        reply(answer(scene, question));
+    lock.lock();
+    if (parts_.empty() && questions_.empty()) eager_ = false;
 }
 
 void MirrorShadow::reply(Answer answer) {
@@ -359,7 +377,7 @@ void MirrorShadow::keepMerged(std::uint32_t part, SharedRecord record) {
 
 /// Without a NearFirst for the peer, merges as for others and makes one for the next time.
 void MirrorShadow::mergeNearFirst(const Scene& scene, const Question& question, Answer& result) {
-    const NearFirst::Clock::time_point now = NearFirst::Clock::now();
+    const Clock::time_point now = clock_.now();
     std::erase_if(eased_,
                   [&](const auto& e) { return e.first != question.peer && now - e.second.used > kUnusedEased; });
     const std::uint64_t from = question.frames.empty() ? 0 : question.frames.front()->header.from;
@@ -376,7 +394,7 @@ void MirrorShadow::mergeNearFirst(const Scene& scene, const Question& question, 
         if (now < eased.again) return;
         if (auto created = NearFirst::of(scene)) eased.scene = std::move(*created);
         eased.session = question.session;
-        eased.used = NearFirst::Clock::now();
+        eased.used = clock_.now();
         eased.again = eased.used + kEasedFraction * (eased.used - now);
         return;
     }

@@ -6,8 +6,8 @@
 // before it. It costs the memory of one more scene, and of another while a part is opened from an earlier state. It
 // follows in batches. Waiting records are bounded by `limit` bytes; beyond that the replica is given up until a
 // keyframe comes.
-// Threading: post, ask and takeAnswers from one thread; the work on another. `wake` (an eventfd) is written for
-// answers.
+// Threading: post, ask and takeAnswers from one thread; the work on another, or in step(). `wake` (an eventfd) is
+// written for answers.
 #pragma once
 
 #include <condition_variable>
@@ -27,6 +27,7 @@
 #include "near_first.h"
 #include "parts/part.h"
 #include "sockets/message.h"
+#include "transport/clock.h"
 
 namespace rtsg {
 
@@ -64,7 +65,7 @@ class MirrorShadow {
     };
 
     /// `places` is the most places of shapes; with more, regions are not followed.
-    MirrorShadow(std::shared_ptr<RecordPool> pool, int wake, std::uint64_t limit,
+    MirrorShadow(const Clock& clock, std::shared_ptr<RecordPool> pool, int wake, std::uint64_t limit,
                  std::size_t index = std::size_t{1} << 22);
     ~MirrorShadow();
 
@@ -81,10 +82,13 @@ class MirrorShadow {
     void restart();
     /// Throws if the thread has ended with an exception, so that nothing is answered any more.
     void checkAlive();
+    /// With a clock that is stepped there is no thread, and this does all that waits. Returns false if nothing did.
+    bool step();
 
   private:
     void run();
     void follow();
+    void work(std::unique_lock<std::mutex>& lock);
     bool isWorthWaking() const;
     void dropWaiting();
     bool skip(const EncodedRecord& record, const EncodedRecord* next);
@@ -104,6 +108,7 @@ class MirrorShadow {
     void mergeNearFirst(const Scene& scene, const Question& question, Answer& result);
     std::shared_ptr<EncodedRecord> encode(const ChangeSet& set);
 
+    const Clock& clock_;
     const std::shared_ptr<RecordPool> pool_;
     const int wake_;
     const std::uint64_t limit_;
@@ -126,7 +131,8 @@ class MirrorShadow {
     char failure_[160] = {};           // the thread's exception; there may be no memory for a string
     std::uint64_t era_ = 0;            // answers from before a restart are dropped
 
-    ChangeDecoder decoder_;  // from here on for the thread only
+    std::unique_ptr<Scene> scene_;  // from here on for the thread only
+    ChangeDecoder decoder_;
     ChangeEncoder encoder_;
     std::shared_ptr<ChangeSet> set_;
     std::optional<std::uint64_t> handingOver_;  // the state whose snapshot is being made for a log
@@ -144,7 +150,7 @@ class MirrorShadow {
     struct Eased {
         std::unique_ptr<NearFirst> scene;
         std::uint64_t session = 0;
-        NearFirst::Clock::time_point used, again;  // again: no new one is made before that
+        Clock::time_point used, again;  // again: no new one is made before that
     };
     std::map<std::string, Eased> eased_;
     std::uint64_t eraHere_ = 0;

@@ -2,7 +2,6 @@
 // ignore anything after the fields they know, so that later versions can append.
 #pragma once
 
-#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
@@ -46,13 +45,6 @@ enum class Message : std::uint8_t {
     verdict = 22,  // server: session, request, state, reason of refusal, numbers of new nodes
     reply = 23,    // server: session, reply to a control
 };
-
-/// This machine's steady clock in ns. It never goes back, and has no meaning on other machines.
-inline std::uint64_t clockNow() {
-    return static_cast<std::uint64_t>(
-        std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::steady_clock::now().time_since_epoch())
-            .count());
-}
 
 inline void begin(ByteBuffer& out, Message type) {
     out.clear();

@@ -1,5 +1,5 @@
 // The watch over connections, on connections of its own: which it shuts, and which it leaves alone.
-#include "sockets/connection_watch.h"
+#include "transport/connection_watch.h"
 
 #include <gtest/gtest.h>
 

@@ -68,7 +68,7 @@ struct Distant {
 
 TEST(NearFirst, WhatIsFarWaitsAndViewsAndSoundsDoNot) {
     Avenue avenue;
-    const auto now = NearFirst::Clock::now();
+    const auto now = steadyClock().now();
     const auto eased = *NearFirst::of(avenue.scene);
     Distant distant(avenue.scene);
     avenue.take();
@@ -99,7 +99,7 @@ TEST(NearFirst, WhatIsFarWaitsAndViewsAndSoundsDoNot) {
 
 TEST(NearFirst, WhatWaitsGoesWithWhatFollowsAndAtTheLatestAfterASecond) {
     Avenue avenue;
-    auto now = NearFirst::Clock::now();
+    auto now = steadyClock().now();
     const auto eased = *NearFirst::of(avenue.scene);
     Distant distant(avenue.scene);
     avenue.take();
@@ -159,7 +159,7 @@ TEST(NearFirst, ThroughRandomEditsNothingIsMissingInTheEnd) {
         const auto eased = *NearFirst::of(origin);
         Distant distant(origin);
         std::mt19937_64 random(seed);
-        auto now = NearFirst::Clock::now();
+        auto now = steadyClock().now();
         int waited = 0;
         for (int round = 1; round <= 60; ++round) {
             std::vector<ChangeSet> frames;

@@ -12,7 +12,7 @@
 namespace rtsg {
 namespace {
 
-using Clock = std::chrono::steady_clock;
+using Steady = std::chrono::steady_clock;
 
 struct Link {
     double rate = 0;      // bytes a second
@@ -51,7 +51,8 @@ Seen followLink(const Link& link) {
     std::uint64_t sent = 0, arrived = 0, awaitedTo = 0;
     bool awaited = false;
     for (double now = 0; now < link.seconds; now += kStep) {
-        const auto time = Clock::time_point(std::chrono::duration_cast<Clock::duration>(MirrorPace::Seconds(now + 1)));
+        const auto time =
+            Steady::time_point(std::chrono::duration_cast<Steady::duration>(MirrorPace::Seconds(now + 1)));
         const bool measured = now > link.seconds / 4;
         const double delay = link.delayLater > 0 && now > link.seconds / 2 ? link.delayLater : link.delay;
         if (now >= nextFrame) {
@@ -147,7 +148,7 @@ TEST(MirrorPace, TheFirstDelayIsMeasuredAgainWhenTheRateIsKnown) {
 
 TEST(MirrorPace, AnAcknowledgementThatComesAgainTellsNothing) {
     MirrorPace once(.25, 0), again(.25, 0);
-    auto now = Clock::time_point(std::chrono::seconds(1));
+    auto now = Steady::time_point(std::chrono::seconds(1));
     std::uint64_t sent = 0, before = 0;
     for (int i = 0; i < 200; ++i) {  // two parts are under way
         for (MirrorPace* pace : {&once, &again}) pace->sent(sent + 1000, now);
@@ -217,7 +218,7 @@ TEST(MirrorPace, OnAFastLinkOneAcknowledgementDoesForManyFrames) {
 TEST(MirrorPace, ALinkThatCollapsesIsNotedThoughAcknowledgementsWait) {
     // From 100 Mbit/s to 1 Mbit/s in between two of them.
     MirrorPace pace(.25, 0);
-    auto now = Clock::time_point(std::chrono::seconds(1));
+    auto now = Steady::time_point(std::chrono::seconds(1));
     std::uint64_t sent = 0;
     for (int i = 0; i < 100; ++i) {  // 13 kB within 2 ms
         while (pace.open(13000, now)) {
@@ -243,7 +244,7 @@ TEST(MirrorPace, ALinkThatCollapsesIsNotedThoughAcknowledgementsWait) {
 /// One of a thousand receivers on one machine: its frame is there after 35 ms, and the next one comes in 70 ms.
 TEST(MirrorPace, InACrowdWhereFramesTakeLongTwoAcknowledgementsASecondDo) {
     MirrorPace pace(.25, 0);
-    auto now = Clock::time_point(std::chrono::seconds(1));
+    auto now = Steady::time_point(std::chrono::seconds(1));
     std::uint64_t sent = 0, asked = 0;
     for (int i = 0; i < 170; ++i) {
         bool awaited = false;
@@ -292,7 +293,7 @@ TEST(MirrorPace, WithoutALagNothingIsHeldBack) {
 
 TEST(MirrorPace, WithoutALagAcknowledgementsMayWait) {
     MirrorPace pace(0, 0);
-    auto now = Clock::time_point(std::chrono::seconds(1));
+    auto now = Steady::time_point(std::chrono::seconds(1));
     std::uint64_t sent = 0;
     for (int i = 0; i < 1000; ++i, now += std::chrono::milliseconds(16)) {
         ASSERT_TRUE(pace.open(13000, now)) << i;
@@ -307,7 +308,7 @@ TEST(MirrorPace, WithoutALagAcknowledgementsMayWait) {
 TEST(MirrorPace, LeavingLiftsTheLimitForWhatIsLeft) {
     for (const double rate : {0.0, 1e3, 1e5, 1e7}) {
         MirrorPace pace(.25, 0);
-        auto now = Clock::time_point(std::chrono::seconds(1));
+        auto now = Steady::time_point(std::chrono::seconds(1));
         std::uint64_t sent = 0;
         const auto send = [&] {
             sent += 1000;
@@ -315,7 +316,7 @@ TEST(MirrorPace, LeavingLiftsTheLimitForWhatIsLeft) {
         };
         for (int i = 0; i < 20 && rate > 0; ++i) {
             send();
-            now += std::chrono::duration_cast<Clock::duration>(MirrorPace::Seconds(1000 / rate));
+            now += std::chrono::duration_cast<Steady::duration>(MirrorPace::Seconds(1000 / rate));
             pace.acknowledged(sent, now);
         }
         while (pace.open(1000, now)) send();

@@ -58,7 +58,7 @@ class MirrorShadows : public testing::Test {
         return answers.empty() ? nullptr : answers.front().record;
     }
     int wake_ = ::eventfd(0, EFD_NONBLOCK);
-    MirrorShadow shadow_{std::make_shared<RecordPool>(), wake_, 64 << 20};
+    MirrorShadow shadow_{steadyClock(), std::make_shared<RecordPool>(), wake_, 64 << 20};
 };
 
 TEST_F(MirrorShadows, PeersThatLackTheSameGetTheSameRecord) {

@@ -84,7 +84,7 @@ struct ShadowOfScene : testing::Test, Subscriber {
     Scene scene;
     std::shared_ptr<RecordPool> pool = std::make_shared<RecordPool>();
     const int wake = ::eventfd(0, EFD_NONBLOCK);
-    MirrorShadow shadow{pool, wake, std::uint64_t{64} << 20};
+    MirrorShadow shadow{steadyClock(), pool, wake, std::uint64_t{64} << 20};
     ChangeEncoder encoder;
     bool allPosted = true;
 

@@ -1,5 +1,5 @@
 // The kind of the threads that ZeroMQ starts for a mirror, as sched(7) has them.
-#include "sockets/zmq_socket.h"
+#include "transport/zmq_socket.h"
 
 #include <filesystem>
 #include <fstream>

@@ -5,7 +5,7 @@
 // are found. Only those are sent again, as a change set from the state to itself. The client recovers by itself from
 // lost connections, gaps and restarts of the server: it resumes where it can, and otherwise takes a snapshot
 // (Scene::reset).
-// Threading: all work is done on the replica's thread inside poll(), and ZeroMQ waits. On another thread connect()
+// Threading: all work is done on the replica's thread inside poll(), and messages wait. On another thread connect()
 // fails, and poll() only reports the mistake.
 
 // Example:
@@ -35,6 +35,8 @@
 #include <rtsg/sync/replay.h>
 
 namespace rtsg {
+
+class Transport;
 
 struct MirrorClientOptions {
     /// The author of this client's requests, in logs and for undo. With keys, the server's key file may name another
@@ -79,6 +81,8 @@ struct MirrorClientOptions {
     std::function<void(const Divergence&)> onDivergence;
     /// Called from poll() when states were missed (MirrorStatistics::holes), before the next state is applied.
     std::function<void()> onMissed;
+    /// How messages travel, and by which clock. Null: ZeroMQ and the system's.
+    std::shared_ptr<Transport> transport{};
 };
 
 struct MirrorStatistics {

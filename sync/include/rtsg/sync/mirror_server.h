@@ -1,4 +1,4 @@
-// MirrorServer: serves a scene to any number of remote replicas over a ZeroMQ ROUTER socket (PROTOCOL.md, "Mirror").
+// MirrorServer: serves a scene to any number of remote replicas (PROTOCOL.md, "Mirror").
 //
 // Invariant: a change set is encoded once for all peers. A peer gets a keyframe and then frames without a gap. A slow
 // peer gets the frames that it missed merged into one, and cannot hold up the other peers, or the scene unless options
@@ -44,6 +44,9 @@ struct Verdict;
 struct Writers;
 }  // namespace mirror
 
+class Listener;
+class Transport;
+
 struct MirrorServerOptions {
     std::string creator = "rtsg";
     /// The mode of the stream and the coding of values, as its head states them. For Mode::lossy serve the scene of a
@@ -77,6 +80,8 @@ struct MirrorServerOptions {
     std::chrono::milliseconds blockFor{0};
     /// A peer is pinged after `heartbeat` of silence, and forgotten after `peerTimeout` without a sign of it.
     std::chrono::milliseconds heartbeat{1500}, peerTimeout{10000};
+    /// How messages travel, and by which clock. Null: ZeroMQ and the system's.
+    std::shared_ptr<Transport> transport{};
 };
 
 struct MirrorServerStatistics {
@@ -137,6 +142,9 @@ class MirrorServer : public Subscriber {
     /// nothing to play. With one, edits and events are refused, as the states of a log cannot change.
     using Controller = std::function<std::string(std::string_view)>;
     void onControl(Controller controller);
+
+    /// Serves peers that come by this listener, too.
+    void admit(std::unique_ptr<Listener> listener);
 
     // ---- for a scene that is a replica itself: see MirrorRelay -------------------------------------------------
     /// From now on service() checks requests and hands them to `forward` instead of carrying them out. `forward`

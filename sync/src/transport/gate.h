@@ -11,7 +11,6 @@
 #include <rtsg/sync/mirror_keys.h>
 
 #include "connection_watch.h"
-#include "file_watch.h"
 #include "zmq_socket.h"
 
 namespace rtsg {
@@ -32,15 +31,12 @@ class MirrorGate {
     Failures failures();
     ConnectionWatch& connections() { return connections_; }
     const ConnectionWatch& connections() const { return connections_; }
-    /// Tells when the list of keys may be another one.
-    FileWatch& keyFile() { return keyFile_; }
     const ZmqSocket& zap() const { return zap_; }
     const ZmqSocket& monitor() const { return monitor_; }
 
   private:
     ZmqSocket zap_, monitor_;
     ConnectionWatch connections_;
-    FileWatch keyFile_;
     const MirrorKeys* keys_ = nullptr;
 };
 
