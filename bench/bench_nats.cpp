@@ -78,21 +78,22 @@ Deliveries mirrored(int peers, int frames, const test::NatsServer* nats) {
     if (nats) {
         NatsPublisherOptions to;
         to.address = nats->address();
-        to.endpoint = (*server)->endpoint();
-        auto started = NatsPublisher::start(to);
+        auto started = NatsPublisher::start(**server, to);
         if (!started) return {};
         publisher = std::move(*started);
     }
     std::vector<std::unique_ptr<Follower>> all;
     for (int i = 0; i < peers; ++i) {
         std::string endpoint = (*server)->endpoint();
+        MirrorClientOptions by;
         if (nats) {
             auto variant = NatsSubscriber::start(nats->address(), 5s);
             if (!variant) return {};
-            endpoint = (*variant)->endpoint();
+            endpoint = (*variant)->address();
+            by.transport = (*variant)->transport();
             clients.push_back(std::move(*variant));
         }
-        all.push_back(std::make_unique<Follower>(endpoint));
+        all.push_back(std::make_unique<Follower>(endpoint, by));
     }
     const auto arrived = [&] {
         return waitForEach(all, [&](const Follower& f) { return f.reached() >= origin.scene.sequence(); });

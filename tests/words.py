@@ -16,7 +16,7 @@ INSTEAD = {
     "turns": "rotations", "share": "fraction, weight, part", "shares": "fractions, weights, parts", "thing": "item, object, node", "things": "items, objects",
     "most": "maximum, max", "least": "minimum, min", "crew": "team", "lasting": "neverDestroyed"}
 ALLOWED = {
-    "atMost": "a bound, as in at most", "atLeast": "a bound, as in at least", "atLeastZero": "a bound", "bentPastAtMost": "a bound", "kFramesAtMost": "a bound",
+    "atMost": "a bound, as in at most", "atLeast": "a bound, as in at least", "atLeastZero": "a bound", "bentPastAtMost": "a bound",
     "inPlace": "without a copy", "in_place": "of std", "moveIntoPlace": "a file that gets its name", "tell": "libsndfile's member", "kFullTurn": "an angle of 2 pi",
     "kHalfTurn": "an angle of pi", "turnAngle": "the angle by which an outline turns at a vertex", "turnLock": "a lock that is taken in turn",
     "ShareNodes": "the filter `share`", "makeShareNodes": "the filter `share`", "shareFace": "two edges have a face in common"}

@@ -31,15 +31,14 @@ void printNews(MirrorOrigin& origin) {
     for (const Diagnostic& d : origin.takeDiagnostics()) say(d);
 }
 
-Result<Published> Published::start(const std::string& address, const MirrorServer& server,
+Result<Published> Published::start(const std::string& address, MirrorServer& server,
                                    const std::optional<MirrorKeys>& keys) {
     Published published;
     if (address.empty()) return published;
     NatsPublisherOptions options;
     options.address = address;
-    options.endpoint = server.endpoint();
     options.keys = keys;
-    auto publisher = NatsPublisher::start(std::move(options));
+    auto publisher = NatsPublisher::start(server, std::move(options));
     if (!publisher) return std::unexpected(publisher.error());
     published.publisher_ = std::move(*publisher);
     return published;

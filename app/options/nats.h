@@ -26,7 +26,7 @@ void printNews(MirrorOrigin& origin);
 class Published {
   public:
     /// `address` may be empty. Throws UsageError if it is none.
-    static Result<Published> start(const std::string& address, const MirrorServer& server,
+    static Result<Published> start(const std::string& address, MirrorServer& server,
                                    const std::optional<MirrorKeys>& keys);
     /// Without secrets; empty if nothing is published.
     std::string address() const { return publisher_ ? publisher_->address() : std::string(); }

@@ -115,6 +115,10 @@ class Link final : public NatsLink {
         return std::exchange(news_, {});
     }
     int descriptor() const override { return call_; }
+    std::size_t waiting() const override {
+        const std::scoped_lock lock(mutex_);
+        return bytes_;
+    }
     bool take(NatsMessage& into) override {
         const std::scoped_lock lock(mutex_);
         if (waiting_.empty()) {
@@ -311,7 +315,7 @@ class Link final : public NatsLink {
     natsConnection* connection_ = nullptr;
     jsCtx* jetStream_ = nullptr;
     std::atomic<std::uint64_t> dropped_{0};
-    std::mutex mutex_;  // guards the members below
+    mutable std::mutex mutex_;  // guards the members below
     std::deque<NatsMessage> waiting_;
     std::size_t bytes_ = 0;
     std::vector<std::string> news_;
@@ -333,6 +337,6 @@ std::unique_ptr<NatsLink> openNats(const NatsSettings& settings, std::string& pr
 
 }  // namespace rtsg
 
-extern "C" __attribute__((visibility("default"))) rtsg::OpenNats rtsg_start_nats_2() {
+extern "C" __attribute__((visibility("default"))) rtsg::OpenNats rtsg_start_nats_3() {
     return &rtsg::openNats;
 }

@@ -35,8 +35,7 @@ struct PublishedScene {
         server = *MirrorServer::start(scene, kAnyPort, options);
         NatsPublisherOptions to;
         to.address = address;
-        to.endpoint = server->endpoint();
-        auto started = NatsPublisher::start(to);
+        auto started = NatsPublisher::start(*server, to);
         EXPECT_TRUE(started) << started.error().format();
         if (started) publisher = std::move(*started);
     }
@@ -66,7 +65,8 @@ struct NatsFollower {
         EXPECT_TRUE(started) << started.error().format();
         if (!started) return;
         nats = std::move(*started);
-        client = *MirrorClient::connect(scene, nats->endpoint(), options);
+        options.transport = nats->transport();
+        client = *MirrorClient::connect(scene, nats->address(), options);
         client->onStep(
             [this](const RecordStep& step) { records.push_back(step.record ? step.record->header.checksum : 0); });
     }

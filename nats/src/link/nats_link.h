@@ -49,6 +49,8 @@ class NatsLink {
     /// Readable when a message may wait. take() makes it unreadable once it has found none.
     virtual int descriptor() const = 0;
     virtual bool take(NatsMessage& into) = 0;
+    /// Bytes of the messages that wait.
+    virtual std::size_t waiting() const = 0;
 
     /// These return why it failed; empty if it did not. Without a connection messages wait for the next one, up to a
     /// few megabytes.
@@ -79,6 +81,6 @@ class NatsLink {
 /// Returns null and the reason if there is no connection.
 using OpenNats = std::unique_ptr<NatsLink> (*)(const NatsSettings&, std::string& problem);
 /// The one symbol of the module: a function without arguments that returns an OpenNats.
-#define RTSG_NATS_SYMBOL "rtsg_start_nats_2"
+#define RTSG_NATS_SYMBOL "rtsg_start_nats_3"
 
 }  // namespace rtsg

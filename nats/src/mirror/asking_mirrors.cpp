@@ -28,7 +28,7 @@ bool AskingMirrors::greeted(const std::string& inbox, const mirror::Hello& hello
     mirror.client = hello.wishes.client;
     mirror.name = hello.name.empty() ? fmt::format("peer-{:04x}", hello.wishes.client & 0xFFFF) : hello.name;
     mirror.sameTypes = hello.dictionaryHash == typesHash_;
-    mirror.heard = Clock::now();
+    mirror.heard = steadyClock().now();
     mirror.submission = {};
     inboxes_[mirror.client] = inbox;
     return true;

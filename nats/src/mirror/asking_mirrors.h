@@ -20,7 +20,6 @@ namespace rtsg::nats {
 
 class AskingMirrors {
   public:
-    using Clock = ServerStream::Clock;
     using Reply = std::function<void(const std::string& inbox, std::span<const std::byte> first,
                                      std::span<const std::byte> second)>;
     AskingMirrors(ServerStream& server, std::uint64_t typesHash, Reply reply)

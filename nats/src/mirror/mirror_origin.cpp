@@ -24,6 +24,7 @@ Result<> MirrorOrigin::prepare(MirrorClientOptions& options) const {
         return fail("keys are for ZeroMQ: a NATS server gets user, password or token in its address, or TLS", {},
                     shown_);
     options.scrub = std::chrono::milliseconds(0);
+    options.transport = nats_->transport();
     return {};
 }
 

@@ -18,6 +18,7 @@
 #include "link/open_nats.h"
 #include "server/history.h"
 #include "sockets/rare_warning.h"
+#include "transport/in_process.h"
 
 namespace rtsg {
 
@@ -55,7 +56,7 @@ class NatsPublisher::Impl {
           typesHash_(ChangeDecoder(builtinTypes()).localHash()),
           stop_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)),
           history_(options_.history),
-          server_(context_, settings(anyNumber()), heardByStream()),
+          server_(settings(anyNumber()), heardByStream()),
           mirrors_(server_, typesHash_,
                    [this](const std::string& inbox, std::span<const std::byte> first,
                           std::span<const std::byte> second) { publish(inbox, first, second); }) {}
@@ -81,10 +82,8 @@ class NatsPublisher::Impl {
     }
 
   private:
-    using Clock = nats::ServerStream::Clock;
-
     nats::ServerStream::Settings settings(std::uint64_t client) const {
-        return {options_.endpoint, "nats", options_.keys, typesHash_, client};
+        return {options_.transport, options_.endpoint, "nats", options_.keys, typesHash_, client};
     }
     nats::ServerStream::Heard heardByStream();
     void run();
@@ -109,7 +108,6 @@ class NatsPublisher::Impl {
     const NatsSubjects subjects_;
     const std::uint64_t typesHash_;
     const int stop_;  // eventfd
-    ZmqContext context_;
     std::unique_ptr<NatsLink> link_;
     NatsEvent news_;
     MirrorHistory history_;
@@ -168,7 +166,7 @@ void NatsPublisher::Impl::run() {
 /// False once it shall end. Descriptors are waited for only when everything has been found empty, since sending may
 /// lose ZeroMQ's notice.
 bool NatsPublisher::Impl::poll() {
-    const Clock::time_point now = Clock::now();
+    const Clock::time_point now = steadyClock().now();
     server_.poll(now);
     if (fetch_) fetch_->poll(now);
     mirrors_.poll(now);
@@ -185,10 +183,12 @@ bool NatsPublisher::Impl::poll() {
     }
     pollfd items[] = {{stop_, POLLIN, 0},
                       {link_->descriptor(), POLLIN, 0},
-                      {server_.descriptor(), POLLIN, 0},
-                      {fetch_ ? fetch_->descriptor() : -1, POLLIN, 0}};
+                      {server_.descriptors()[0], POLLIN, 0},
+                      {server_.descriptors()[1], POLLIN, 0},
+                      {fetch_ ? fetch_->descriptors()[0] : -1, POLLIN, 0},
+                      {fetch_ ? fetch_->descriptors()[1] : -1, POLLIN, 0}};
     const std::chrono::milliseconds maximum = any ? 0ms : stateWanted_ ? 10ms : kSleep;
-    (void)::poll(items, fetch_ ? 4 : 3, static_cast<int>(maximum.count()));
+    (void)::poll(items, std::size(items), static_cast<int>(maximum.count()));
     return (items[0].revents & POLLIN) == 0;
 }
 
@@ -211,12 +211,12 @@ bool NatsPublisher::Impl::ask(const NatsMessage& message) {
     if (!message.reply.starts_with(kInboxes)) return false;
     if (!packet) return refuseForeign(message);
     if (packet->type == Message::hello) return hello(message.reply, *packet);
-    if (packet->type != Message::ping) return mirrors_.take(message.reply, *packet, Clock::now());
+    if (packet->type != Message::ping) return mirrors_.take(message.reply, *packet, steadyClock().now());
     wire::Reader in = packet->fields();
     std::uint64_t token[1];
     if (!mirror::read(in, token)) return false;
-    mirrors_.pinged(message.reply, Clock::now());
-    const std::uint64_t answer[] = {token[0], mirror::clockNow()};
+    mirrors_.pinged(message.reply, steadyClock().now());
+    const std::uint64_t answer[] = {token[0], steadyClock().nanoseconds()};
     mirror::write(message_, Message::pong, answer);
     publish(message.reply, message_.bytes());
     return true;
@@ -296,7 +296,7 @@ void NatsPublisher::Impl::fetchKeyframe(Clock::time_point now) {
     };
     fetchBegan_ = now;
     fetched_.reset();
-    fetch_ = std::make_unique<nats::ServerStream>(context_, settings(0), std::move(heard));
+    fetch_ = std::make_unique<nats::ServerStream>(settings(0), std::move(heard));
     if (!fetch_->connect()) fetch_.reset();
 }
 
@@ -315,7 +315,7 @@ void NatsPublisher::Impl::publishState(Clock::time_point now) {
     for (const SharedRecord& later : history_.framesFrom(keyframe->header.to, SIZE_MAX))
         publishRecord(subjects_.state, *later);
     publishEnd(subjects_.state);
-    statePublished_ = Clock::now();
+    statePublished_ = steadyClock().now();
 }
 
 void NatsPublisher::Impl::publishWelcome(const std::string& subject) {
@@ -358,7 +358,18 @@ void NatsPublisher::Impl::report(Severity severity, std::string text) {
 NatsPublisher::NatsPublisher(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 NatsPublisher::~NatsPublisher() = default;
 
+Result<std::unique_ptr<NatsPublisher>> NatsPublisher::start(MirrorServer& server, NatsPublisherOptions options) {
+    options.endpoint = "inproc://nats";
+    options.transport = std::make_shared<InProcess>();
+    auto listener = options.transport->listen(options.endpoint, {});
+    if (!listener) return std::unexpected(listener.error());
+    auto publisher = start(std::move(options));
+    if (publisher) server.admit(std::move(*listener));
+    return publisher;
+}
+
 Result<std::unique_ptr<NatsPublisher>> NatsPublisher::start(NatsPublisherOptions options) {
+    if (!options.transport) options.transport = zmqTransport();
     auto address = NatsAddress::parse(options.address);
     if (!address) return std::unexpected(address.error());
     auto impl = std::make_unique<Impl>(std::move(options), std::move(*address));

@@ -13,35 +13,28 @@ using mirror::Message;
 namespace {
 
 constexpr std::uint64_t kWindow = std::uint64_t{64} << 20;
-constexpr auto kHelloAgain = 1s;  // without an answer, or after a refusal
-constexpr auto kSilence = 4s;     // after which the server may have forgotten us
+constexpr auto kConnectWithin = 2000ms;  // an attempt
+constexpr auto kHelloAgain = 1s;         // without an answer, or after a refusal
+constexpr auto kSilence = 4s;            // after which the server may have forgotten us
 
 }  // namespace
 
-ServerStream::ServerStream(const ZmqContext& context, const Settings& settings, Heard heard)
-    : settings_(settings), heard_(std::move(heard)), socket_(context, ZMQ_DEALER) {
+ServerStream::ServerStream(const Settings& settings, Heard heard)
+    : settings_(settings), heard_(std::move(heard)), clock_(settings_.transport->clock()) {
     std::random_device device;
     session_ = std::uint64_t{device()} << 32 | device();
 }
 
 ServerStream::~ServerStream() {
     mirror::begin(message_, Message::bye);
-    ZmqMessage out(message_.bytes());
-    socket_.send(out);
+    if (connection_) connection_->send(message_.bytes());
 }
 
 Result<> ServerStream::connect() {
-    socket_.set(ZMQ_LINGER, 100);
-    socket_.set(ZMQ_RECONNECT_IVL, 10);
-    socket_.set(ZMQ_RCVHWM, 0);  // bounded by the window
-    if (settings_.keys) {
-        socket_.set(ZMQ_CURVE_SERVERKEY, settings_.keys->serverPublic);
-        socket_.set(ZMQ_CURVE_PUBLICKEY, settings_.keys->clientPublic.front());
-        socket_.set(ZMQ_CURVE_SECRETKEY, settings_.keys->clientSecret);
-    }
-    allowIpv6(socket_, settings_.endpoint);
-    if (zmq_connect(socket_.get(), settings_.endpoint.c_str()) != 0)
-        return std::unexpected(zmqFailure(fmt::format("cannot connect to {}", settings_.endpoint)));
+    auto connection =
+        settings_.transport->connect(settings_.endpoint, {settings_.keys ? &*settings_.keys : nullptr, kConnectWithin});
+    if (!connection) return std::unexpected(connection.error());
+    connection_ = std::move(*connection);
     return {};
 }
 
@@ -50,7 +43,7 @@ void ServerStream::hello() {
     received_ = acknowledged_ = 0;
     parts_.clear();
     welcomed_ = helloDue_ = false;
-    greeted_ = heardAt_ = Clock::now();
+    greeted_ = heardAt_ = clock_.now();
     mirror::Hello greeting;
     greeting.session = session_;
     greeting.dictionaryHash = settings_.typesHash;
@@ -61,38 +54,32 @@ void ServerStream::hello() {
     greeting.wishes.client = settings_.client;
     greeting.wishes.hash = hash_;
     greeting.write(message_);
-    ZmqMessage out(message_.bytes());
-    socket_.send(out);
+    connection_->send(message_.bytes());
 }
 
 void ServerStream::poll(Clock::time_point now) {
+    while (connection_->nextEvent() != Connection::Event::none) continue;  // what was lost is found by its silence
     if (helloDue_ || (!welcomed_ && now - greeted_ > kHelloAgain) || now - heardAt_ > kSilence) hello();
     if (!welcomed_ || received_ == acknowledged_) return;
     const std::uint64_t numbers[] = {session_, state_, received_};
     mirror::write(message_, Message::ack, numbers);
-    ZmqMessage out(message_.bytes());
-    if (socket_.send(out)) acknowledged_ = received_;
+    if (connection_->send(message_.bytes())) acknowledged_ = received_;
 }
 
 bool ServerStream::send(std::span<const std::byte> first, std::span<const std::byte> second) {
     if (!welcomed_) return false;
     withSession(message_, first, session_);
-    ZmqMessage head(message_.bytes()), body(second);
-    return socket_.send(head, !second.empty()) && (second.empty() || socket_.send(body));
+    return connection_->send(message_.bytes(), second);
 }
 
 bool ServerStream::receive() {
-    ZmqMessage first, second;
-    if (!socket_.receive(first)) return false;
-    if (first.more()) {
-        socket_.receive(second);
-        socket_.skipRest(second);
-    }
-    wire::Reader in(first.bytes());
+    Received message;
+    if (!connection_->receive(message)) return false;
+    wire::Reader in(message.first);
     const auto type = mirror::readPrologue(in);
-    if (!type) return true;
-    heardAt_ = Clock::now();
-    const Packet packet{*type, first.bytes(), second.bytes()};
+    if (!type || message.problem) return true;
+    heardAt_ = clock_.now();
+    const Packet packet{*type, message.first, message.second};
     switch (*type) {
         case Message::welcome:
             welcome(packet);
@@ -110,18 +97,14 @@ bool ServerStream::receive() {
         case Message::bye:
             if (heard_.other) heard_.other(packet);
             mirror::begin(message_, Message::bye);
-            {
-                ZmqMessage out(message_.bytes());
-                socket_.send(out);
-            }
+            connection_->send(message_.bytes());
             welcomed_ = false;
             break;
         case Message::ping: {
             std::uint64_t token[1];
             if (!mirror::read(in, token)) break;
             mirror::write(message_, Message::pong, token);
-            ZmqMessage out(message_.bytes());
-            socket_.send(out);
+            connection_->send(message_.bytes());
             if (heard_.other) heard_.other(packet);
             break;
         }
@@ -159,9 +142,8 @@ void ServerStream::data(const Packet& packet) {
     if (step == RecordParts::Step::misfit) helloDue_ = true;
     if (step != RecordParts::Step::complete) return;
     auto record = std::make_shared<EncodedRecord>();
-    record->bytes.append(parts_.bytes().bytes());
+    record->bytes.swap(parts_.bytes());
     record->published = numbers[3];
-    parts_.clear();
     const auto header = checkRecord(record->bytes.bytes());
     const bool follows = header && (header->from == 0 || header->from == state_);
     if (!follows) {

@@ -15,14 +15,14 @@
 #include <rtsg/sync/mirror_keys.h>
 
 #include "packet.h"
-#include "sockets/zmq_socket.h"
+#include "transport/transport.h"
 
 namespace rtsg::nats {
 
 class ServerStream {
   public:
-    using Clock = std::chrono::steady_clock;
     struct Settings {
+        std::shared_ptr<Transport> transport;
         std::string endpoint, name;
         std::optional<MirrorKeys> keys;
         std::uint64_t typesHash = 0;
@@ -36,11 +36,11 @@ class ServerStream {
         std::function<void(std::string)> refused;
     };
 
-    ServerStream(const ZmqContext& context, const Settings& settings, Heard heard);
+    ServerStream(const Settings& settings, Heard heard);
     ~ServerStream();
 
     Result<> connect();
-    int descriptor() const { return socket_.descriptor(); }
+    std::array<int, 2> descriptors() const { return connection_->descriptors(); }
     /// Takes one message; false if there is none.
     bool receive();
     /// Says hello where that is due, and acknowledges.
@@ -61,7 +61,8 @@ class ServerStream {
 
     const Settings settings_;
     const Heard heard_;
-    ZmqSocket socket_;
+    Clock& clock_;
+    std::unique_ptr<Connection> connection_;
     std::uint64_t session_ = 0, epoch_ = 0, heartbeat_ = 0;
     std::uint64_t state_ = 0;  // the last one handed over, with its hash
     Hash128 hash_;

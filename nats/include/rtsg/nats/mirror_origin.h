@@ -33,10 +33,11 @@ class MirrorOrigin {
                                      std::chrono::milliseconds patience = std::chrono::seconds(5));
 
     /// For MirrorClient::connect().
-    const std::string& endpoint() const { return nats_ ? nats_->endpoint() : shown_; }
+    const std::string& endpoint() const { return shown_; }
     /// For messages; without secrets.
     const std::string& shown() const { return shown_; }
-    /// Removes options that a NATS server does not support. Error: keys, which are for ZeroMQ only.
+    /// Removes options that a NATS server does not support, and says how to reach the endpoint. Error: keys, which are
+    /// for ZeroMQ only.
     Result<> prepare(MirrorClientOptions& options) const;
     /// Invalid messages that came by a NATS server.
     std::uint64_t garbage() const { return nats_ ? nats_->statistics().garbage : 0; }

@@ -15,8 +15,7 @@
 //     if (!server) return;
 //     rtsg::NatsPublisherOptions options;
 //     options.address = "nats://127.0.0.1:4222/hall";
-//     options.endpoint = (*server)->endpoint();
-//     const auto publisher = rtsg::NatsPublisher::start(options);
+//     const auto publisher = rtsg::NatsPublisher::start(**server, options);
 //     if (!publisher) return;  // publisher.error() says why
 #pragma once
 
@@ -28,14 +27,16 @@
 
 #include <rtsg/core/diagnostic.h>
 #include <rtsg/sync/mirror_keys.h>
+#include <rtsg/sync/mirror_server.h>
 
 namespace rtsg {
 
 struct NatsPublisherOptions {
     std::string address;  // nats_address.h
-    /// The endpoint of the mirror server, and the keys of a client if the server has keys.
+    /// The endpoint of a mirror server elsewhere, and the keys of a client if the server has keys.
     std::string endpoint;
     std::optional<MirrorKeys> keys;
+    std::shared_ptr<Transport> transport{};  // by which to reach the endpoint; null: ZeroMQ
     /// Bytes of records that are kept for mirrors that missed some.
     std::uint64_t history = std::uint64_t{64} << 20;
 };
@@ -51,7 +52,10 @@ struct NatsPublisherStatistics {
 
 class NatsPublisher {
   public:
-    /// Errors: an invalid address; no connection; keys that are not a client's.
+    /// Publishes what a server of this process serves. Errors: an invalid address; no connection; keys that are not a
+    /// client's.
+    static Result<std::unique_ptr<NatsPublisher>> start(MirrorServer& server, NatsPublisherOptions options);
+    /// The same for the server at the endpoint.
     static Result<std::unique_ptr<NatsPublisher>> start(NatsPublisherOptions options);
     /// If the server ends before this, mirrors get its goodbye.
     ~NatsPublisher();
