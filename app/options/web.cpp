@@ -45,8 +45,7 @@ void WebArguments::check() const {
     expect(certificate.empty() ? "--web-key" : "--web-cert");
 }
 
-Result<Web> Web::start(const WebArguments& arguments, const MirrorServer& server,
-                       const std::optional<MirrorKeys>& keys) {
+Result<Web> Web::start(const WebArguments& arguments, MirrorServer& server, const std::optional<MirrorKeys>& keys) {
     Web web;
     if (!arguments.wanted()) return web;
     WebGatewayOptions options;
@@ -54,10 +53,9 @@ Result<Web> Web::start(const WebArguments& arguments, const MirrorServer& server
     options.token = arguments.token;
     options.certificate = arguments.certificate;
     options.privateKey = arguments.privateKey;
-    options.endpoint = server.endpoint();
     options.keys = keys;
     options.call = server.callDescriptor();
-    auto gateway = WebGateway::start(std::move(options));
+    auto gateway = WebGateway::start(server, std::move(options));
     if (!gateway) return std::unexpected(gateway.error());
     web.gateway_ = std::move(*gateway);
     return web;

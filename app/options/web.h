@@ -26,7 +26,7 @@ struct WebArguments {
 class Web {
   public:
     /// `arguments` must be checked. `keys` are the server's and include a client's.
-    static Result<Web> start(const WebArguments& arguments, const MirrorServer& server,
+    static Result<Web> start(const WebArguments& arguments, MirrorServer& server,
                              const std::optional<MirrorKeys>& keys);
 
     /// The address of the page. Empty if there is none.

@@ -1,7 +1,9 @@
-// Passes messages between a WebSocket and the mirror server at the pace of the slower one.
+// Passes messages between a WebSocket and the mirror server.
 #include "browser.h"
 
+#include <array>
 #include <chrono>
+#include <cstring>
 
 namespace rtsg::web {
 
@@ -9,25 +11,30 @@ namespace websocket = beast::websocket;
 
 namespace {
 
-constexpr std::size_t kMaxQueued = std::size_t{1} << 20;
+constexpr std::size_t kMaxQueued = std::size_t{80} << 20;  // more than the server sends ahead: nothing is read
 constexpr auto kFarewell = std::chrono::seconds(1);
 constexpr std::size_t kLongestIncoming = 10 << 10;  // the longest message is a part of a submission
+constexpr std::string_view kBye("\x08\0\0\0RTSG\x01\x05\0\0", 12);
+
+/// True if a message has the length of its first part (u32), that part, and perhaps a second one.
+bool hasParts(std::string_view message) {
+    std::uint32_t first = 0;
+    if (message.size() < sizeof(first)) return false;
+    std::memcpy(&first, message.data(), sizeof(first));
+    return first > 0 && first <= message.size() - sizeof(first);
+}
 
 }  // namespace
 
 Browser::Browser(Gateway& gateway, Stream&& stream, std::string source)
     : gateway_(gateway),
       socket_(std::move(stream)),
-      link_(gateway.context(), gateway.settings()),
-      descriptor_(gateway.io(), link_.descriptor()),
       farewell_(gateway.io()),
-      source_(std::move(source)) {
-    gateway_.came(this);
-}
+      source_(std::move(source)),
+      number_(gateway_.came(this)) {}
 
 Browser::~Browser() {
     leave();
-    descriptor_.release();  // it belongs to ZeroMQ
 }
 
 void Browser::begin(Request request) {
@@ -43,51 +50,42 @@ void Browser::begin(Request request) {
                              if (error) return self->leave();
                              self->accepted_ = true;
                              self->read();
-                             self->pump();
+                             self->write();
                          }));
 }
 
 void Browser::read() {
-    socket_.async_read(
-        incoming_, Moved([self = shared_from_this()](beast::error_code error, std::size_t) {
-            if (error || self->gone_) return self->leave();
-            self->spoke_ = true;
-            const auto bytes = self->incoming_.data();
-            if (!self->socket_.got_binary() ||
-                !self->link_.send({static_cast<const char*>(bytes.data()), bytes.size()})) {
-                ++self->gateway_.refused;
-                self->gateway_.news("ended a browser's connection: its message makes no sense, or there are too many");
-                return self->leave();
-            }
-            self->incoming_.consume(bytes.size());
-            self->pump();  // sending may have lost the notice of incoming messages
-            self->read();
-        }));
+    socket_.async_read(incoming_, Moved([self = shared_from_this()](beast::error_code error, std::size_t) {
+                           if (error || self->gone_) return self->leave();
+                           self->spoke_ = true;
+                           const auto bytes = self->incoming_.data();
+                           std::string message(static_cast<const char*>(bytes.data()), bytes.size());
+                           if (!self->socket_.got_binary() || !hasParts(message)) {
+                               ++self->gateway_.refused;
+                               self->gateway_.news("ended a browser's connection: its message makes no sense");
+                               return self->leave();
+                           }
+                           self->incoming_.consume(bytes.size());
+                           self->waits_ = self;
+                           self->gateway_.heard(self->number_, std::move(message));
+                       }));
 }
 
-void Browser::pump() {
-    if (gone_ || !accepted_) return;  // end() may be called while the answer to the browser is still being written
-    std::string message;
-    while (queued_ < kMaxQueued && link_.receive(message)) {
-        queued_ += message.size();
-        queue_.push_back(std::move(message));
-    }
+void Browser::resume() {
+    const std::shared_ptr<Browser> self = std::move(waits_);
+    if (!gone_ && !ending_) read();
+}
+
+void Browser::push(std::string head, std::span<const std::byte> second, std::shared_ptr<const void> owner) {
+    if (gone_ || ending_) return;
+    queue_.push_back({std::move(head), second, std::move(owner)});
+    queued_ += queue_.back().size();
+    if (queued_ > kMaxQueued) return leave();
     write();
-    watch();
-}
-
-void Browser::watch() {
-    if (watching_ || gone_) return;
-    watching_ = true;
-    descriptor_.async_wait(net::posix::stream_descriptor::wait_read,
-                           [self = shared_from_this()](beast::error_code error) {
-                               self->watching_ = false;
-                               if (!error) self->pump();
-                           });
 }
 
 void Browser::write() {
-    if (writing_ || gone_) return;
+    if (writing_ || gone_ || !accepted_) return;  // end() may come while the answer is still being written
     if (queue_.empty()) {
         if (!ending_) return;
         writing_ = true;
@@ -96,19 +94,22 @@ void Browser::write() {
         return;
     }
     writing_ = true;
-    socket_.async_write(Parts<net::const_buffer>(net::buffer(queue_.front())),
-                        Moved([self = shared_from_this()](beast::error_code error, std::size_t size) {
+    const Message& message = queue_.front();
+    const std::array<net::const_buffer, 2> parts{net::buffer(message.head),
+                                                 net::buffer(message.second.data(), message.second.size())};
+    socket_.async_write(Parts<net::const_buffer>(parts),
+                        Moved([self = shared_from_this()](beast::error_code error, std::size_t) {
                             self->writing_ = false;
                             if (error || self->gone_) return self->leave();
-                            self->queued_ -= size;
+                            self->queued_ -= self->queue_.front().size();
                             self->queue_.pop_front();
-                            self->pump();
+                            self->write();
                         }));
 }
 
 void Browser::end() {
     ending_ = true;
-    pump();
+    write();
 }
 
 /// Does not wait for a browser that says that it closes and then does not.
@@ -122,8 +123,8 @@ void Browser::leaveSoon() {
 
 void Browser::leave() {
     if (std::exchange(gone_, true)) return;
-    link_.bye();
-    descriptor_.cancel();
+    const std::shared_ptr<Browser> self = std::move(waits_);
+    gateway_.heard(number_, std::string(kBye));  // so that the server need not wait for it
     beast::tcp_stream& connection = socket_.next_layer().tcp();
     connection.cancel();
     connection.close();

@@ -1,21 +1,20 @@
 // Browser: one browser that follows the scene, with its WebSocket and its messages.
 //
-// Invariant: of what the server sends, at most kMaxQueued bytes and one message wait here. The rest waits at the
-// server, within the client's window.
+// Invariant: one message of it waits for the server, and the next is read when that was taken. What the server sends
+// waits here, as much as the client's window allows; the bytes of records are the server's own.
 // Threading: the gateway's thread.
 #pragma once
 
 #include <chrono>
 #include <deque>
 #include <memory>
+#include <span>
 #include <string>
 
-#include <boost/asio/posix/stream_descriptor.hpp>
 #include <boost/beast/core.hpp>
 #include <boost/beast/websocket.hpp>
 
 #include "gateway.h"
-#include "link.h"
 #include "stream.h"
 
 namespace rtsg::web {
@@ -25,10 +24,15 @@ class Browser : public std::enable_shared_from_this<Browser> {
     Browser(Gateway& gateway, Stream&& stream, std::string source);
     ~Browser();
     void begin(Request request);
-    /// Sends what the server has said, then ends the connection properly.
+    /// A message for it. `owner` keeps `second` alive.
+    void push(std::string head, std::span<const std::byte> second, std::shared_ptr<const void> owner);
+    /// Its last message was taken.
+    void resume();
+    /// Sends what waits, then ends the connection properly.
     void end();
     /// Ends the connection at once.
     void leave();
+    std::uint64_t number() const { return number_; }
     std::chrono::steady_clock::time_point since() const { return since_; }
     /// True if it has been connected that long and has said nothing.
     bool isSilentFor(std::chrono::steady_clock::duration time) const {
@@ -37,24 +41,28 @@ class Browser : public std::enable_shared_from_this<Browser> {
     const std::string& source() const { return source_; }
 
   private:
+    struct Message {
+        std::string head;
+        std::span<const std::byte> second;
+        std::shared_ptr<const void> owner;
+        std::size_t size() const { return head.size() + second.size(); }
+    };
     void read();
-    void pump();
-    void watch();
     void write();
     void leaveSoon();
 
     Gateway& gateway_;
     beast::websocket::stream<Stream> socket_;
-    Link link_;
-    net::posix::stream_descriptor descriptor_;
     net::steady_timer farewell_;
     Request request_;
     beast::flat_buffer incoming_;
-    std::deque<std::string> queue_;
+    std::deque<Message> queue_;
     std::size_t queued_ = 0;
-    bool accepted_ = false, writing_ = false, watching_ = false, ending_ = false, gone_ = false, spoke_ = false;
+    bool accepted_ = false, writing_ = false, ending_ = false, gone_ = false, spoke_ = false;
     const std::chrono::steady_clock::time_point since_ = std::chrono::steady_clock::now();
     std::string source_;
+    const std::uint64_t number_;
+    std::shared_ptr<Browser> waits_;  // itself, while its message waits for the server and nothing is read
 };
 
 }  // namespace rtsg::web

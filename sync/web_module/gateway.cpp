@@ -66,7 +66,8 @@ std::string pageFolder() {
 
 }  // namespace
 
-Gateway::Gateway(WebSettings settings) : settings_(std::move(settings)) {}
+Gateway::Gateway(WebSettings settings)
+    : settings_(std::move(settings)), ring_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {}
 
 std::string Gateway::start() {
     if (settings_.folder.empty()) settings_.folder = pageFolder();
@@ -119,9 +120,16 @@ std::string Gateway::readCertificate() {
 }
 
 Gateway::~Gateway() {
+    end();
+    ::close(ring_);
+}
+
+void Gateway::end() {
     if (!thread_.joinable()) return;
     net::post(io_, [this] { stop(); });
     thread_.join();
+    const std::set<Browser*> late = browsers_;
+    for (Browser* browser : late) browser->leave();
 }
 
 void Gateway::accept() {
@@ -193,13 +201,71 @@ void Gateway::stop() {
     if (browsers_.empty()) io_.stop();
 }
 
-void Gateway::came(Browser* browser) {
+std::uint64_t Gateway::came(Browser* browser) {
     browsers_.insert(browser);
     ++opened_;
     connections_ = browsers_.size();
+    const std::scoped_lock lock(mutex_);
+    here_.insert(++lastBrowser_);
+    return lastBrowser_;
+}
+
+void Gateway::heard(std::uint64_t browser, std::string message) {
+    const std::scoped_lock lock(mutex_);
+    if (ignores_) return resumeSoon(browser);
+    messages_.emplace_back(browser, std::move(message));
+    ::eventfd_write(ring_, 1);
+}
+
+void Gateway::resumeSoon(std::uint64_t browser) {
+    net::post(io_, [this, browser] {
+        if (const auto found = find(browser)) found->resume();
+    });
+}
+
+Browser* Gateway::find(std::uint64_t number) const {
+    const auto found = std::ranges::find(browsers_, number, [](const Browser* browser) { return browser->number(); });
+    return found == browsers_.end() ? nullptr : *found;
+}
+
+bool Gateway::take(std::uint64_t& browser, std::string& message) {
+    const std::scoped_lock lock(mutex_);
+    if (messages_.empty()) {
+        eventfd_t count = 0;
+        (void)::eventfd_read(ring_, &count);
+        return false;
+    }
+    browser = messages_.front().first;
+    message = std::move(messages_.front().second);
+    messages_.pop_front();
+    resumeSoon(browser);
+    return true;
+}
+
+void Gateway::ignore() {
+    const std::scoped_lock lock(mutex_);
+    ignores_ = true;
+    for (const auto& [browser, message] : messages_) resumeSoon(browser);
+    messages_.clear();
+}
+
+bool Gateway::send(std::uint64_t browser, std::string head, std::span<const std::byte> second,
+                   std::shared_ptr<const void> owner) {
+    {
+        const std::scoped_lock lock(mutex_);
+        if (!here_.contains(browser)) return false;
+    }
+    net::post(io_, [this, browser, head = std::move(head), second, owner = std::move(owner)]() mutable {
+        if (const auto found = find(browser)) found->push(std::move(head), second, std::move(owner));
+    });
+    return true;
 }
 
 void Gateway::went(Browser* browser) {
+    {
+        const std::scoped_lock lock(mutex_);
+        here_.erase(browser->number());
+    }
     browsers_.erase(browser);
     connections_ = browsers_.size();
     if (stopping_ && browsers_.empty()) io_.stop();
@@ -303,6 +369,6 @@ std::unique_ptr<rtsg::WebModule> startWeb(const rtsg::WebSettings& settings, std
 }  // namespace
 
 /// The program looks this symbol up and calls it to get the function above.
-extern "C" __attribute__((visibility("default"))) rtsg::StartWeb rtsg_start_web_4() {
+extern "C" __attribute__((visibility("default"))) rtsg::StartWeb rtsg_start_web_5() {
     return startWeb;
 }

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <atomic>
+#include <deque>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -18,8 +19,6 @@
 #include <boost/asio/ssl/context.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <boost/beast/http.hpp>
-
-#include <zmq.h>
 
 #include "news.h"
 #include "pages.h"
@@ -61,20 +60,28 @@ class Gateway : public WebModule {
     std::vector<std::string> takeNews() override { return news_.take(); }
     std::vector<FileWish> takeWishes() override;
     void answer(std::uint64_t wish, std::string bytes, std::string type) override;
+    int descriptor() const override { return ring_; }
+    bool take(std::uint64_t& browser, std::string& message) override;
+    void ignore() override;
+    void end() override;
+    bool send(std::uint64_t browser, std::string head, std::span<const std::byte> second,
+              std::shared_ptr<const void> owner) override;
 
     // Used by browsers and visits.
     const WebSettings& settings() const { return settings_; }
     net::io_context& io() { return io_; }
     /// Null without encryption.
     net::ssl::context* tls() { return tls_.get(); }
-    void* context() { return context_.get(); }
     void news(std::string text) { news_.add(std::move(text)); }
     /// Why this request may not follow, nor load files that the scene names. Empty if it may.
     std::string refusal(const Request& request, const std::string& source) const;
     /// True if the request's host is one of ours, so that no other site's name leads here. Precondition: hostOf()
     /// returns one.
     bool knowsHost(const Request& request) const;
-    void came(Browser* browser);
+    /// A number for a browser, by which the server knows it.
+    std::uint64_t came(Browser* browser);
+    /// The server takes the message, and then the browser's resume() is called.
+    void heard(std::uint64_t browser, std::string message);
     void went(Browser* browser);
     void came(Visit* visit) { visits_.push_back(visit); }
     void went(Visit* visit) { std::erase(visits_, visit); }
@@ -88,15 +95,9 @@ class Gateway : public WebModule {
     std::atomic<std::uint64_t> requests{0}, refused{0};
 
   private:
-    struct Context {
-        Context() : context(zmq_ctx_new()) {}
-        ~Context() { zmq_ctx_term(context); }
-        Context(const Context&) = delete;
-        Context& operator=(const Context&) = delete;
-        void* get() const { return context; }
-        void* context;
-    };
     std::string readCertificate();
+    Browser* find(std::uint64_t number) const;
+    void resumeSoon(std::uint64_t browser);
     void accept();
     bool makeRoomFor(const std::string& address);
     bool isShared(const std::string& address) const;
@@ -104,14 +105,18 @@ class Gateway : public WebModule {
 
     WebSettings settings_;
     std::uint16_t port_ = 0;
-    Context context_;  // outlives the sockets, which are destroyed with the io_context
+    int ring_ = -1;  // eventfd: messages wait
     std::set<Browser*> browsers_;
+    std::uint64_t lastBrowser_ = 0;
     std::atomic<std::size_t> connections_{0};
     std::atomic<std::uint64_t> opened_{0};
     std::vector<Visit*> visits_;  // oldest first
     bool stopping_ = false;
     News news_;
-    std::mutex mutex_;
+    std::mutex mutex_;  // guards what follows
+    std::deque<std::pair<std::uint64_t, std::string>> messages_;
+    std::set<std::uint64_t> here_;  // browsers that have not left
+    bool ignores_ = false;
     std::vector<FileWish> wishes_;
     std::map<std::uint64_t, std::weak_ptr<Visit>> wishing_;  // used by the thread only
     std::uint64_t wishNumber_ = 0;

@@ -1,4 +1,4 @@
-// Finds and loads the module that serves browsers, and tells where it listens.
+// Finds and loads the module that serves browsers, tells where it listens, and brings their messages to the server.
 #include <rtsg/sync/web_gateway.h>
 
 #include <algorithm>
@@ -11,10 +11,12 @@
 #include <ifaddrs.h>
 #include <net/if.h>
 #include <netinet/in.h>
+#include <poll.h>
 
 #include <rtsg/core/module.h>
 
 #include "sockets/web_module.h"
+#include "transport/transport.h"
 
 namespace rtsg {
 
@@ -147,7 +149,58 @@ Result<> WebGatewayOptions::check() const {
     return {};
 }
 
-Result<std::unique_ptr<WebGateway>> WebGateway::start(WebGatewayOptions options) {
+namespace {
+
+/// Messages of browsers, which are one WebSocket message each: the length of the first part, that part, the second.
+class WebListener : public Listener {
+  public:
+    WebListener(std::shared_ptr<WebModule> module, std::string url, std::string user)
+        : module_(std::move(module)), url_(std::move(url)), user_(std::move(user)) {}
+    ~WebListener() override { module_->ignore(); }
+
+    const std::string& endpoint() const override { return url_; }
+    Clock::duration prepare(Items items, bool) override {
+        items[0] = {module_->descriptor(), POLLIN, 0};
+        for (std::size_t i = 1; i < kDescriptors; ++i) items[i] = {-1, 0, 0};
+        return std::chrono::hours(1);
+    }
+    bool came(Items items) override { return items[0].revents != 0; }
+    bool receive(Received& message) override {
+        std::uint64_t browser = 0;
+        if (!module_->take(browser, taken_)) return false;
+        std::uint32_t length = 0;
+        const auto bytes = std::as_bytes(std::span(taken_));
+        std::memcpy(&length, bytes.data(), sizeof(length));
+        message.from = std::to_string(browser);
+        message.user = user_;
+        message.problem = nullptr;
+        message.first = bytes.subspan(sizeof(length), length);
+        message.second = bytes.subspan(sizeof(length) + length);
+        return true;
+    }
+    Failures received(bool) override { return {}; }
+    bool send(std::string_view to, std::span<const std::byte> first, std::span<const std::byte> second,
+              const SharedBytes& owner) override {
+        std::uint64_t browser = 0;
+        std::from_chars(to.data(), to.data() + to.size(), browser);
+        const auto length = static_cast<std::uint32_t>(first.size());
+        std::string head(sizeof(length), '\0');
+        std::memcpy(head.data(), &length, sizeof(length));
+        head.append(reinterpret_cast<const char*>(first.data()), first.size());
+        if (owner) return module_->send(browser, std::move(head), second, owner);
+        head.append(reinterpret_cast<const char*>(second.data()), second.size());
+        return module_->send(browser, std::move(head), {}, nullptr);
+    }
+
+  private:
+    const std::shared_ptr<WebModule> module_;
+    const std::string url_, user_;
+    std::string taken_;
+};
+
+}  // namespace
+
+Result<std::unique_ptr<WebGateway>> WebGateway::start(MirrorServer& server, WebGatewayOptions options) {
     if (auto ok = options.check(); !ok) return std::unexpected(ok.error());
     const auto endpoint = endpointFrom(options.listen);
     WebSettings settings;
@@ -156,14 +209,9 @@ Result<std::unique_ptr<WebGateway>> WebGateway::start(WebGatewayOptions options)
     settings.address = endpoint->address;
     settings.port = endpoint->port;
     settings.loopback = isLoopback(endpoint->address);
-    settings.endpoint = options.endpoint;
-    if (options.keys) {
+    if (options.keys)
         if (auto ok = options.keys->checkForClient(); !ok)
             return fail("browsers need a client's keys in the key file: " + ok.error().text);
-        settings.serverKey = options.keys->serverPublic;
-        settings.publicKey = options.keys->clientPublic.front();
-        settings.secretKey = options.keys->clientSecret;
-    }
     settings.folder = options.folder.string();
     settings.token = options.token.empty() && !settings.loopback ? randomToken() : options.token;
     settings.maximumConnections = options.maximumConnections;
@@ -181,10 +229,14 @@ Result<std::unique_ptr<WebGateway>> WebGateway::start(WebGatewayOptions options)
                                                                                : settings.address;
     gateway->url_ = fmt::format("{}://{}:{}/{}", settings.certificate.empty() ? "http" : "https", host,
                                 gateway->module_->port(), settings.token.empty() ? "" : "#token=" + settings.token);
+    server.admit(std::make_unique<WebListener>(gateway->module_, gateway->url_,
+                                               options.keys ? options.keys->clientPublic.front() : std::string()));
     return gateway;
 }
 
-WebGateway::~WebGateway() = default;
+WebGateway::~WebGateway() {
+    if (module_) module_->end();
+}
 
 WebGatewayStatistics WebGateway::statistics() const {
     const WebCounts counts = module_->counts();

@@ -9,6 +9,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -18,7 +19,6 @@ struct WebSettings {
     std::string address;
     std::uint16_t port = 0;
     bool loopback = true;
-    std::string endpoint, serverKey, publicKey, secretKey;  // empty keys: none
     std::string folder, token;
     std::string certificate, privateKey;  // PEM files; empty: no encryption
     std::size_t maximumConnections = 0;
@@ -48,12 +48,25 @@ class WebModule {
     /// Each wish must be answered. An empty `type` means that there is no such file.
     virtual std::vector<FileWish> takeWishes() = 0;
     virtual void answer(std::uint64_t wish, std::string bytes, std::string type) = 0;
+
+    /// Readable while messages of browsers wait.
+    virtual int descriptor() const = 0;
+    /// The next message of a browser: the length of its first part (u32), that part, and perhaps a second one. Returns
+    /// false if none waits. The browser's next one is read after this.
+    virtual bool take(std::uint64_t& browser, std::string& message) = 0;
+    /// From now on nobody takes messages.
+    virtual void ignore() = 0;
+    /// Closes all connections in order, and drops those that do not answer.
+    virtual void end() = 0;
+    /// Sends one message: `head`, then `second`, which `owner` keeps alive. Returns false if the browser has left.
+    virtual bool send(std::uint64_t browser, std::string head, std::span<const std::byte> second,
+                      std::shared_ptr<const void> owner) = 0;
 };
 
 /// Returns null and the reason if it fails.
 using StartWeb = std::unique_ptr<WebModule> (*)(const WebSettings&, std::string& problem);
 /// A symbol of the module: a function without arguments that returns a StartWeb.
-#define RTSG_WEB_SYMBOL "rtsg_start_web_4"
+#define RTSG_WEB_SYMBOL "rtsg_start_web_5"
 
 /// Settings of WebSockets for one protocol, whose messages the module does not read.
 struct SocketSettings {

@@ -275,12 +275,11 @@ TEST(WebGateway, BeyondThisMachineATokenIsMadeUp) {
     options.listen = "0.0.0.0:0";
     Scene scene;
     const auto server = *MirrorServer::start(scene, test::kAnyPort);
-    options.endpoint = server->endpoint();
     test::TempFolder folder;
     std::filesystem::create_directory(folder.path() / "page");
     std::ofstream(folder / "page/index.html") << "page";
     options.folder = folder.path();
-    const auto first = WebGateway::start(options), second = WebGateway::start(options);
+    const auto first = WebGateway::start(*server, options), second = WebGateway::start(*server, options);
     ASSERT_TRUE(first) << first.error().text;
     const auto token = [](const WebGateway& gateway) { return gateway.url().substr(gateway.url().find('#')); };
     EXPECT_EQ(token(**first).size(), 7u + 32u);
@@ -290,16 +289,16 @@ TEST(WebGateway, BeyondThisMachineATokenIsMadeUp) {
     EXPECT_NE(token(**first), token(**second));
     for (const char* bad : {"", "x", "80x", "1.2.3:80", "70000", "-1", "host:80", ":80"}) {
         options.listen = bad;
-        EXPECT_FALSE(WebGateway::start(options)) << bad;
+        EXPECT_FALSE(WebGateway::start(*server, options)) << bad;
     }
     options.listen = "0";
     for (const char* bad : {"no spaces in a token", "a", "fifteen-letters"}) {
         options.token = bad;
-        EXPECT_FALSE(WebGateway::start(options)) << bad;
+        EXPECT_FALSE(WebGateway::start(*server, options)) << bad;
     }
     options.token.clear();
     options.folder = folder.path() / "page";
-    const auto without = WebGateway::start(options);
+    const auto without = WebGateway::start(*server, options);
     ASSERT_FALSE(without);
     EXPECT_NE(without.error().text.find("no page"), std::string::npos);
 }

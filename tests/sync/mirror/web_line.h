@@ -80,9 +80,8 @@ struct ServedPage {
         write("scene/sign.txt", "no picture");
         write("outside.png", kPng);
         server = *MirrorServer::start(scene, kAnyPort);
-        options.endpoint = server->endpoint();
         options.folder = folder.path();
-        auto started = WebGateway::start(options);
+        auto started = WebGateway::start(*server, options);
         EXPECT_TRUE(started) << started.error().text;
         gateway = std::move(*started);
         port = std::stoi(gateway->url().substr(gateway->url().rfind(':') + 1));

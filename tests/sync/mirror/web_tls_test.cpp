@@ -101,19 +101,18 @@ class WebTls : public testing::Test {
         std::filesystem::create_directories(folder.path() / "page");
         std::ofstream(folder / "page/index.html") << "<p>" << std::string(100'000, 'x');
         server = *MirrorServer::start(scene, test::kAnyPort);
-        options.endpoint = server->endpoint();
         options.folder = folder.path();
         options.certificate = folder / "own.pem";
         options.privateKey = folder / "own.key";
     }
     void start() {
-        auto started = WebGateway::start(options);
+        auto started = WebGateway::start(*server, options);
         ASSERT_TRUE(started) << started.error().text;
         gateway = std::move(*started);
         port = std::stoi(gateway->url().substr(gateway->url().rfind(':') + 1));
     }
     std::string problem() {
-        auto started = WebGateway::start(options);
+        auto started = WebGateway::start(*server, options);
         return started ? "" : started.error().text;
     }
 

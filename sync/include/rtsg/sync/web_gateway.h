@@ -2,10 +2,10 @@
 //
 // Invariant: it passes messages on without reading them. Messages from a WebSocket go to the server as those of a
 // client, and the server's messages go back (PROTOCOL.md, "Browsers"), so credit, merging, requests and limits are
-// those of any mirror. It serves the files of the page's folder, and pictures and sounds that nodes of the scene name.
-// Beyond loopback it asks for a token; on loopback it refuses pages of other origins. start() loads HTTP and WebSocket
-// (Boost.Beast) as the module librtsg_web.so. Threading: a thread of its own; service() on the scene's thread, all
-// other functions on any.
+// those of any mirror; the bytes of a record are not copied. It serves the files of the page's folder, and pictures and
+// sounds that nodes of the scene name. Beyond loopback it asks for a token; on loopback it refuses pages of other
+// origins. start() loads HTTP and WebSocket (Boost.Beast) as the module librtsg_web.so. Threading: a thread of its own;
+// service() on the scene's thread, all other functions on any.
 
 // Example:
 //     #include <rtsg/sync/mirror_server.h>
@@ -15,8 +15,7 @@
 //     if (!server) return;
 //     rtsg::WebGatewayOptions options;
 //     options.listen = "8080";
-//     options.endpoint = (*server)->endpoint();
-//     const auto gateway = rtsg::WebGateway::start(options);
+//     const auto gateway = rtsg::WebGateway::start(**server, options);
 //     if (!gateway) return;  // gateway.error() says why
 #pragma once
 
@@ -30,6 +29,7 @@
 #include <rtsg/core/resource.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/sync/mirror_keys.h>
+#include <rtsg/sync/mirror_server.h>
 
 namespace rtsg {
 
@@ -39,8 +39,7 @@ struct WebGatewayOptions {
     /// "8080" is that port on loopback; "ADDRESS:8080" or "[::]:8080" can be reached by others. Port 0 is any free
     /// port.
     std::string listen = "0";
-    /// The endpoint of the mirror server, and the keys of a client if the server has keys.
-    std::string endpoint;
+    /// If the server has keys: those of a client of it, whose permission browsers have.
     std::optional<MirrorKeys> keys;
     /// The folder of the page. Empty: it is beside the module, or in the source tree.
     std::filesystem::path folder;
@@ -72,9 +71,9 @@ struct WebGatewayStatistics {
 
 class WebGateway {
   public:
-    /// Binds and begins to serve. Errors: as check(); no module; an address that cannot be used; no page in the folder;
-    /// an invalid certificate or key.
-    static Result<std::unique_ptr<WebGateway>> start(WebGatewayOptions options);
+    /// Binds, and lets browsers follow the server from now on. Errors: as check(); no module; an address that cannot be
+    /// used; no page in the folder; an invalid certificate or key.
+    static Result<std::unique_ptr<WebGateway>> start(MirrorServer& server, WebGatewayOptions options);
     /// Closes the connections in order, and drops those that do not answer. End the mirror server first, so that
     /// browsers get its goodbye.
     ~WebGateway();
@@ -95,7 +94,7 @@ class WebGateway {
 
   private:
     WebGateway() = default;
-    std::unique_ptr<WebModule> module_;
+    std::shared_ptr<WebModule> module_;
     std::string url_;
 };
 
