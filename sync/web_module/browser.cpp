@@ -66,11 +66,13 @@ void Browser::read() {
                                return self->leave();
                            }
                            self->incoming_.consume(bytes.size());
+                           self->waits_ = self;
                            self->gateway_.heard(self->number_, std::move(message));
                        }));
 }
 
 void Browser::resume() {
+    const std::shared_ptr<Browser> self = std::move(waits_);
     if (!gone_ && !ending_) read();
 }
 
@@ -121,6 +123,7 @@ void Browser::leaveSoon() {
 
 void Browser::leave() {
     if (std::exchange(gone_, true)) return;
+    const std::shared_ptr<Browser> self = std::move(waits_);
     gateway_.heard(number_, std::string(kBye));  // so that the server need not wait for it
     beast::tcp_stream& connection = socket_.next_layer().tcp();
     connection.cancel();

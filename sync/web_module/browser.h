@@ -62,6 +62,7 @@ class Browser : public std::enable_shared_from_this<Browser> {
     const std::chrono::steady_clock::time_point since_ = std::chrono::steady_clock::now();
     std::string source_;
     const std::uint64_t number_;
+    std::shared_ptr<Browser> waits_;  // itself, while its message waits for the server and nothing is read
 };
 
 }  // namespace rtsg::web

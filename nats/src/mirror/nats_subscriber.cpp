@@ -47,6 +47,7 @@ struct NatsSession {
             diagnostics.push_back({Severity::warning, address.shown, {}, std::move(text)});
     }
     void takeNews() {
+        const std::scoped_lock lock(mutex);
         for (std::string& text : news.take(*link, address)) report(std::move(text));
         statistics.dropped = link->dropped();
     }
@@ -74,7 +75,10 @@ class NatsConnection : public Connection {
 
     bool send(std::span<const std::byte> first, std::span<const std::byte> second) override;
     bool receive(Received& message) override;
-    bool foundEmpty() const override { return empty_ && !refused_; }
+    bool foundEmpty() const override {
+        session_->takeNews();  // this is asked before each wait, and nothing comes by a connection that is lost
+        return empty_ && !refused_;
+    }
     std::array<int, 2> descriptors() const override { return {link_.descriptor(), event_}; }
     Event nextEvent() override {
         eventfd_t count = 0;
@@ -146,10 +150,6 @@ bool NatsConnection::receive(Received& message) {
         }
         if (take(taken_, message)) return true;
         if (std::exchange(refused_, false)) return say(message, refusal_.bytes());
-    }
-    {
-        const std::scoped_lock lock(session_->mutex);
-        session_->takeNews();
     }
     if (mode_ != Mode::behind) return false;
     mode_ = Mode::idle;
@@ -352,8 +352,8 @@ NatsSubscriberStatistics NatsSubscriber::statistics() const {
     return impl_->session->statistics;
 }
 std::vector<Diagnostic> NatsSubscriber::takeDiagnostics() {
-    const std::scoped_lock lock(impl_->session->mutex);
     impl_->session->takeNews();
+    const std::scoped_lock lock(impl_->session->mutex);
     return std::exchange(impl_->session->diagnostics, {});
 }
 
