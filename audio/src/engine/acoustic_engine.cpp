@@ -278,7 +278,6 @@ void AcousticEngine::Impl::goBack(double seconds) {
         restart(state.motion, state.to);
         state.jumped = true;
         state.tracedAt = -std::numeric_limits<double>::infinity();
-        state.wallsChanged.reset();
         state.movedWalls.clear();
         state.images.setOpen(1);
     }

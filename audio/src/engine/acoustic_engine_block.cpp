@@ -260,8 +260,8 @@ void AcousticEngine::Impl::renderEmitter(const SoundEmitter& emitter, EmitterSta
         noteSeal(emitter, state.tracedSource, state.tracedListener, start / options.sampleRate, std::move(*state.seal));
         state.seal.reset();
     }
-    if (!state.openings.openings.empty() && state.quiet == 0) {
-        noteLeaks(emitter, state.tracedSource, start / options.sampleRate, state.openings);
+    if (state.openings.leak && state.quiet == 0) {
+        noteLeaks(emitter, state.openings);
         state.openings = {};
     }
     state.level = to;

@@ -152,9 +152,7 @@ struct AcousticEngine::Impl {
     double seconds() const { return static_cast<double>(samples) / options.sampleRate; }
     void noteWallsChanged(EmitterState& state) const;
     void noteMoved(const WorldGeometry::Changes& changes, const glm::dvec3& motion, EmitterState& emitter) const;
-    bool shallSeekLeaks(const EmitterState& state) const;
-    bool leaksKnownFrom(const glm::dvec3& source) const;
-    void noteLeaks(const SoundEmitter& emitter, const glm::dvec3& source, double seconds, const RoomOpenings& openings);
+    void noteLeaks(const SoundEmitter& emitter, const RoomOpenings& openings);
 
     AcousticOptions options;
     std::size_t channels;

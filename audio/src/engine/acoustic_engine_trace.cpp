@@ -7,6 +7,7 @@
 
 #include "acoustic_engine_impl.h"
 #include "scene/source_pattern.h"
+#include "signal/random.h"
 
 namespace rtsg {
 namespace {
@@ -52,7 +53,7 @@ AcousticEngine::Impl::Renewal AcousticEngine::Impl::renewalOf(const SoundEmitter
     const bool moved = stale || glm::distance(state.tracedSource, source) > options.moveTolerance ||
                        glm::distance(state.tracedListener, listener.position) > options.moveTolerance ||
                        (aimed && !(glm::dot(state.tracedAim, emitter.aim()) >= kTurned));
-    if (moved || (state.wallsChanged && shallSeekLeaks(state))) return Renewal::trace;
+    if (moved) return Renewal::trace;
     const bool allRound = options.ambisonicOrder > 0 || state.reflectedBy == HeardBy::head;
     const bool turned = glm::dot(state.tracedRight, listener.right) < kTurned ||
                         (allRound && glm::dot(state.tracedBack, listener.back) < kTurned) ||
@@ -79,26 +80,6 @@ void AcousticEngine::Impl::renewLongestDue() {
 
 void AcousticEngine::Impl::noteWallsChanged(EmitterState& state) const {
     state.stale = true;
-    if (!state.hasResponse) return;
-    state.leaksSought = state.leaksLookedFor = false;
-    if (!state.wallsChanged) state.wallsChanged.emplace(seconds(), 0);
-    state.wallsChanged->second = seconds();
-}
-
-/// A door that opens is a crack for a moment: what moves is waited for, as long as it may be a door.
-bool AcousticEngine::Impl::shallSeekLeaks(const EmitterState& state) const {
-    constexpr double kRest = 0.5, kMaxMotion = 5;
-    if (state.leaksSought || (!state.countsAsSearch && leakSearches >= kLeakSearches)) return false;
-    return !state.wallsChanged || seconds() >= state.wallsChanged->second + kRest ||
-           seconds() >= state.wallsChanged->first + kMaxMotion;
-}
-
-/// Sources at one place have one room around them: whose leaks were told as another one's are not looked for again.
-bool AcousticEngine::Impl::leaksKnownFrom(const glm::dvec3& source) const {
-    return std::ranges::any_of(states, [&](const auto& other) {
-        const EmitterState& state = other.second;
-        return state.leaksSought && state.openings.openings.empty() && state.leaksSoughtFrom == source;
-    });
 }
 
 /// Whether its images are to follow it: it moved by more than `least` metres, or the listener did. Sound that is not to
@@ -137,15 +118,9 @@ void AcousticEngine::Impl::trace(EmitterState& state, const SoundEmitter& emitte
     job.tracing = options.trace;
     job.tracing.air = air;
     job.quick = worker && heard.unreflected > 1;
-    // Tracing takes all rays. Where nothing was lost, it is repeated only when the kept result would be of no use so
-    // far away.
-    const bool elsewhere = !state.leaksLookedFor || glm::distance(state.leaksSoughtFrom, source) > kNearly;
-    if (!job.quick && elsewhere && shallSeekLeaks(state)) {
-        state.leaksLookedFor = true;
-        state.wallsChanged.reset();
-        state.leaksSought = leaksKnownFrom(source);
-        state.leaksSoughtFrom = source;
-        if (!state.leaksSought) job.tracing.exits = kLeakExits;
+    if (!job.quick && !std::exchange(state.leaksSought, true) && leakSearches < kLeakSearches) {
+        ++leakSearches;
+        job.tracing.exits = kLeakExits;
     }
     job.tracing.pattern = patternOf(emitter, source, listener.position, options.levels == AcousticOptions::Levels::x3d);
     state.moves =
@@ -262,28 +237,19 @@ void AcousticEngine::Impl::takeResponse(TracedResponse traced) {
     state.tracing = false;
     state.seal = std::move(traced.seal);
     if (!state.seal) endSeal(traced.emitter, this->seconds());
-    // In the open, or where nothing is lost, walls may come yet.
-    if (traced.openings.outdoors || !(traced.openings.escaped > 0)) return;
-    state.leaksSought = true;
-    if (!std::exchange(state.countsAsSearch, true)) ++leakSearches;
     state.openings = std::move(traced.openings);
 }
 
-void AcousticEngine::Impl::noteLeaks(const SoundEmitter& emitter, const glm::dvec3& source, double seconds,
-                                     const RoomOpenings& openings) {
+void AcousticEngine::Impl::noteLeaks(const SoundEmitter& emitter, const RoomOpenings& openings) {
     constexpr std::size_t kMax = 1000;
-    // Weaker sound cannot be heard, alone or beside the rest that escapes.
-    constexpr double kMin = 1e-4, kMinOfAll = 0.01;
-    for (const RoomOpening& opening : openings.openings) {
-        const double fraction = opening.meanFraction();
-        if (!opening.leak || fraction < kMin || fraction < kMinOfAll * openings.escaped || leaks.size() >= kMax)
-            continue;
-        const bool known = std::any_of(leaks.begin(), leaks.end(), [&](const SoundLeak& leak) {
-            const double near = 0.01 + 0.25 * std::max(leak.opening.length, opening.length);
-            return glm::distance(leak.opening.center, opening.center) < near;
-        });
-        if (!known) leaks.push_back({emitter.name, emitter.sound->node, source, seconds, opening});
-    }
+    constexpr double kMin = 1e-4;  // weaker sound cannot be heard
+    if (!openings.leak || openings.fraction < kMin || leaks.size() >= kMax) return;
+    // It is known to some per cent of its size, and to some more from elsewhere.
+    const bool known = std::ranges::any_of(leaks, [&](const SoundLeak& leak) {
+        const double near = 0.02 + 0.25 * std::max(leak.openings.length, openings.length);
+        return glm::distance(leak.openings.center, openings.center) < near;
+    });
+    if (!known) leaks.push_back({emitter.name, openings});
 }
 
 void AcousticEngine::Impl::noteSeal(const SoundEmitter& emitter, const glm::dvec3& source, const glm::dvec3& listener,
@@ -346,8 +312,8 @@ const std::vector<SoundLeak>& AcousticEngine::leaks() const {
     return impl_->leaks;
 }
 
-void AcousticEngine::note(const SoundEmitter& emitter, double seconds, const RoomOpenings& openings) {
-    impl_->noteLeaks(emitter, emitter.position(), seconds, openings);
+void AcousticEngine::note(const SoundEmitter& emitter, const RoomOpenings& openings) {
+    impl_->noteLeaks(emitter, openings);
 }
 
 void AcousticEngine::note(const SoundEmitter& emitter, const glm::dvec3& listener, double seconds,

@@ -96,12 +96,7 @@ struct EmitterState {
     RoomOpenings openings;                 // of the room, until they were told
     MovedWalls movedWalls;                 // in the direct path, since the sound that is heard was traced
     std::vector<std::uint32_t> alongside;  // slots of walls near that way that go along with it
-    bool leaksSought = false;              // and some found, since walls changed,
-    bool leaksLookedFor = false;           // whether or not any were found
-    glm::dvec3 leaksSoughtFrom{0};
-    bool countsAsSearch = false;
-    /// When walls changed since leaks were looked for: first and last.
-    std::optional<std::pair<double, double>> wallsChanged;
+    bool leaksSought = false;
     /// Gone from the scene; its sound is still on its way for this many samples.
     bool gone = false;
     std::size_t fading = 0;

@@ -113,17 +113,6 @@ RoomOpenings WorldGeometry::openings(const glm::dvec3& source, std::span<const E
     return findRoomOpenings(*rays_, source, exits, escaped);
 }
 
-Seal::Shape WorldGeometry::shapeOf(std::uint32_t slot) const {
-    const Wall& wall = walls_.walls[slot];
-    Seal::Shape shape{rays_->instance(slot).info.shape, rays_->instance(slot).info.geometry, {}};
-    const Bounds& local = wall.mesh->bounds;
-    for (int i = 0; i < 8; ++i)
-        shape.box.extend(wall.worldFromLocal * glm::dvec4(i & 1 ? local.max.x : local.min.x,
-                                                          i & 2 ? local.max.y : local.min.y,
-                                                          i & 4 ? local.max.z : local.min.z, 1.0));
-    return shape;
-}
-
 std::optional<Seal> WorldGeometry::sealBetween(std::span<const std::uint32_t> open, const glm::dvec3& source,
                                                const glm::dvec3& listener) const {
     // Written so that a position that is not finite is nowhere.
@@ -143,12 +132,12 @@ std::optional<Seal> WorldGeometry::sealBetween(std::span<const std::uint32_t> op
             const double inside = std::abs(sourceInside ? a : b), outside = std::abs(sourceInside ? b : a);
             // Nothing that is whole is .01 off.
             if (std::abs(a - std::round(a)) < .01 && std::abs(b - std::round(b)) < .01 && inside > outside + .5)
-                seal.shapes.push_back(shapeOf(slot));
+                seal.shapes.push_back(wallShapeOf(*rays_, slot));
         }
         if (seal.shapes.empty()) continue;
-        const auto size = [](const Seal::Shape& shape) { return glm::length(shape.box.high - shape.box.low); };
+        const auto size = [](const WallShape& shape) { return glm::length(shape.box.high - shape.box.low); };
         std::stable_sort(seal.shapes.begin(), seal.shapes.end(),
-                         [&](const Seal::Shape& a, const Seal::Shape& b) { return size(a) < size(b); });
+                         [&](const WallShape& a, const WallShape& b) { return size(a) < size(b); });
         return seal;
     }
     constexpr std::size_t kNamed = 3;
@@ -158,7 +147,7 @@ std::optional<Seal> WorldGeometry::sealBetween(std::span<const std::uint32_t> op
     for (const auto& [slot, times] : inner.met) maximum.emplace_back(-times, slot);
     std::sort(maximum.begin(), maximum.end());
     for (std::size_t i = 0; i < std::min(kNamed, maximum.size()); ++i)
-        seal.shapes.push_back(shapeOf(maximum[i].second));
+        seal.shapes.push_back(wallShapeOf(*rays_, maximum[i].second));
     seal.more = maximum.size() - seal.shapes.size();
     return seal;
 }

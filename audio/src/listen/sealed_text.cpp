@@ -44,8 +44,8 @@ std::optional<SourceLocation> lineOf(const Scene& scene, const std::filesystem::
 }
 
 /// Its name, and in brackets its material, size, place and line.
-std::string shapeText(const Scene& scene, const std::filesystem::path& document, NodeId shape, NodeId geometry,
-                      const AcousticBox& box) {
+std::string shapeText(const Scene& scene, const std::filesystem::path& document, const WallShape& wall) {
+    const auto& [shape, geometry, box, given] = wall;
     const Node* created = scene.find(geometry);
     const std::string name = shapeName(scene, shape, geometry),
                       what = created ? std::string(created->type().name) : "Shape";
@@ -72,57 +72,36 @@ bool saysOpening(const Scene& scene, NodeId metadata, int depth = 0) {
 }
 
 /// Whether the author marked a shape beside the opening so that the opening is intended.
-bool isMeant(const Scene& scene, const RoomOpening& opening) {
-    return std::ranges::any_of(opening.beside, [&](const RoomOpening::Beside& beside) {
+bool isMeant(const Scene& scene, const RoomOpenings& openings) {
+    return std::ranges::any_of(openings.beside, [&](const WallShape& beside) {
         const Node* shape = scene.find(beside.shape);
         return shape && shape->is(x3d::Shape::type) && saysOpening(scene, shape->get(x3d::Shape::metadata));
     });
 }
 
-/// Describes a leak and its place.
-std::string leakText(const Scene& scene, const std::filesystem::path& document, const RoomOpening& leak) {
-    std::string shapes;
-    for (const RoomOpening::Beside& beside : leak.beside) {
-        const bool last = &beside == &leak.beside.back();
-        shapes += (shapes.empty() ? ""
-                   : last         ? " and "
-                                  : ", ") +
-                  shapeText(scene, document, beside.shape, beside.geometry, beside.box);
-    }
-    const std::string at = locationOf(leak.center);
-    if (shapes.empty()) shapes = "nothing that has a name";
-    if (leak.boundaryEdges == 3) return fmt::format("{} lacks a triangle at {}, of {:.3g} m2", shapes, at, leak.area);
-    constexpr double kCrack = 10;
-    const std::string what = leak.length > kCrack * leak.width ? "crack" : "hole";
-    if (leak.boundaryEdges > 0) return fmt::format("{} has a {} at {}, {}", shapes, what, at, sizeText(leak));
-    return fmt::format("there is a {} at {}, {}, {} {}", what, at, sizeText(leak),
-                       leak.beside.size() > 1 ? "between" : "beside", shapes);
-}
-
 }  // namespace
 
 void nameShapes(const Scene& scene, RoomOpenings& openings) {
-    for (RoomOpening& opening : openings.openings) {
-        opening.leak = opening.leak && !isMeant(scene, opening);
-        for (RoomOpening::Beside& beside : opening.beside)
-            beside.name = shapeName(scene, beside.shape, beside.geometry);
-    }
+    openings.leak = openings.leak && !isMeant(scene, openings);
+    for (WallShape& beside : openings.beside) beside.name = shapeName(scene, beside.shape, beside.geometry);
 }
 
 void reportLeaks(const Scene& scene, std::span<const SoundLeak> leaks, const std::filesystem::path& document,
                  Diagnostics& diagnostics) {
     for (const SoundLeak& leak : leaks) {
-        if (isMeant(scene, leak.opening)) continue;
+        const RoomOpenings& openings = leak.openings;
+        if (isMeant(scene, openings)) continue;
         Diagnostic reported{Severity::warning, {}, {}, {}, DiagnosticCode("leak")};
-        reported.text =
-            fmt::format("{}: some {} of the sound of {} is lost there", leakText(scene, document, leak.opening),
-                        percentText(leak.opening.meanFraction()), leak.name);
-        for (const RoomOpening::Beside& beside : leak.opening.beside)
-            if (const auto where = lineOf(scene, document, beside.shape, beside.geometry)) {
+        std::vector<std::string> names;
+        for (const WallShape& beside : openings.beside) {
+            names.push_back(shapeText(scene, document, beside));
+            if (const auto where = lineOf(scene, document, beside.shape, beside.geometry);
+                where && reported.file.empty()) {
                 reported.file = document.string();
                 reported.where = *where;
-                break;
             }
+        }
+        reported.text = lossText(openings, leak.name, listed(names));
         diagnostics.add(std::move(reported));
     }
 }
@@ -131,15 +110,10 @@ void reportSealed(const Scene& scene, std::span<const SealedSource> sealed, doub
                   const std::filesystem::path& document, Diagnostics& diagnostics) {
     for (const SealedSource& found : sealed) {
         const Seal& seal = found.seal;
-        std::string shapes;
-        for (const Seal::Shape& shape : seal.shapes) {
-            const bool last = &shape == &seal.shapes.back() && seal.more == 0;
-            shapes += (shapes.empty() ? ""
-                       : last         ? " and "
-                                      : ", ") +
-                      shapeText(scene, document, shape.shape, shape.geometry, shape.box);
-        }
-        if (seal.more > 0) shapes += fmt::format(" and {} more", seal.more);
+        std::vector<std::string> texts;
+        for (const WallShape& shape : seal.shapes) texts.push_back(shapeText(scene, document, shape));
+        if (seal.more > 0) texts.push_back(fmt::format("{} more", seal.more));
+        const std::string shapes = listed(texts);
         const std::string from = fmt::format("from {:.2f} s ", found.seconds - start);
         const std::string since = found.until ? (found.seconds > start ? from + "to" : "until") +
                                                     fmt::format(" {:.2f} s ", *found.until - start)

@@ -18,7 +18,7 @@ void reportSealed(const Scene& scene, std::span<const SealedSource> sealed, doub
 /// beside.
 void reportLeaks(const Scene& scene, std::span<const SoundLeak> leaks, const std::filesystem::path& document,
                  Diagnostics& diagnostics);
-/// Sets RoomOpening::Beside::name of all; openings that the author intends are no leaks.
+/// Sets the names of the shapes beside; an opening that the author intends is no leak.
 void nameShapes(const Scene& scene, RoomOpenings& openings);
 
 }  // namespace rtsg

@@ -89,25 +89,6 @@ struct SoundRenderer::Impl {
     bool hadSounds = false;
     double measured = 0;                   // share of a survey
     std::unique_ptr<EarCorrelation> ears;  // once figures were asked for
-    /// The openings that were looked for last, by what tells them: sources at one place have the same.
-    struct {
-        glm::dvec3 source{0};
-        std::vector<EscapedRay> exits;
-        Bands escaped{};
-        RoomOpenings openings;
-        bool known = false;
-    } sought;
-
-    const RoomOpenings& openingsBy(const OpenedGeometry& room, const glm::dvec3& source, const TraceResult& trace) {
-        const auto same = [](const EscapedRay& a, const EscapedRay& b) {
-            return a.origin == b.origin && a.direction == b.direction && a.energy == b.energy;
-        };
-        if (!sought.known || source != sought.source || trace.escaped != sought.escaped ||
-            !std::ranges::equal(trace.exits, sought.exits, same))
-            sought = {source, trace.exits, trace.escaped, room.openings(source, trace.exits, trace.escaped), true};
-        return sought.openings;
-    }
-
     /// Traces with the source's directivity; nothing for listeners to which it radiates as to all others. Cones are the
     /// same for all listeners, so they share rays; ellipsoids depend on the listener's distance.
     std::vector<std::optional<TraceResult>> traceDirected(const AcousticTracer& tracer, const SoundEmitter& emitter,
@@ -290,9 +271,9 @@ Result<std::vector<ListenReport::Source>> SoundRenderer::measureAt(const SoundEm
     if (s.options.impulseResponses && !cancelled) directed = s.traceDirected(tracer, emitter, listeners, tracing);
     if (cancelled) return fail("cancelled");
     RoomOpenings openings;
-    if (!traces.empty()) openings = s.openingsBy(room, position, traces.front());
+    if (!traces.empty()) openings = room.openings(position, traces.front().exits, traces.front().escaped);
     nameShapes(world().scene(), openings);
-    s.renderer->note(emitter, world().scene().now(), openings);
+    s.renderer->note(emitter, openings);
     for (std::size_t i = 0; i < listeners.size(); ++i) {
         ListenReport::Source& source = heard.emplace_back();
         source.source = emitter.name;
@@ -313,7 +294,6 @@ Result<> SoundRenderer::measure() {
     if (!s.refused.empty()) return fail("listening failed: " + s.refused);
     if (auto ok = begin(); !ok) return ok;
     const SoundScene& sounds = s.renderer->scene();
-    s.sought = {};
     s.report.listener = sounds.listener();
     s.report.air = s.renderer->air();
     s.report.speech = s.options.speech;
@@ -399,7 +379,6 @@ Result<RoomReport> SoundRenderer::surveyAt(const std::vector<ListeningPosition>&
     const ListenerPose& pose = sounds.listener();
     const glm::dmat3 axes(pose.right, pose.up, pose.back);
     const bool levels = s.options.render.levels == AcousticOptions::Levels::x3d;
-    s.sought = {};
     RoomReport report;
     report.title = "Room acoustics";
     report.air = s.renderer->air();

@@ -23,12 +23,6 @@ void mix(Bands& mean, const Bands& fresh, double weight) {
     for (std::size_t b = 0; b < kBandCount; ++b) mean[b] += (fresh[b] - mean[b]) * weight;
 }
 
-Bands times(const Bands& bands, double factor) {
-    Bands result = bands;
-    for (double& value : result) value *= factor;
-    return result;
-}
-
 /// TraceResult::across. Up is that of X3D.
 glm::dvec3 axisAcross(const glm::dvec3& source, const glm::dvec3& listener) {
     const glm::dvec3 displacement = source - listener, right(-displacement.z, 0, displacement.x);
@@ -227,11 +221,10 @@ std::vector<Group> groupsOf(const AcousticGeometry& geometry, const glm::dvec3& 
     return groups;
 }
 
-/// Adds the energy that the batches of one run brought a listener to its result, where this run has the share `weight`;
-/// `known` is the energy that is not random.
+/// Adds the energy that the batches of one run brought a listener to its result, where this run has the share `weight`.
 template <std::size_t N>
 void addHeard(TraceResult& result, std::vector<Batch<N>>& fresh, const BandClasses& classes, std::size_t listener,
-              const EnergyHistogram& known, const TraceOptions& options, const Bands& attenuation, double weight) {
+              const TraceOptions& options, const Bands& attenuation, double weight) {
     const std::size_t count = result.batches.size();
     const double metresPerBin = options.air.speedOfSound / options.binsPerSecond;
     const Bands perBin = airFraction(attenuation, metresPerBin);
@@ -252,7 +245,6 @@ void addHeard(TraceResult& result, std::vector<Batch<N>>& fresh, const BandClass
     for (std::size_t i = 0; i < count; ++i) {
         mixIn(result.batches[i].bins, fresh[i].heard[listener].bins, result.batches[i]);
         mixIn(result.batches[i].lateral, fresh[i].heard[listener].lateral, result.batches[i]);
-        result.batches[i].accumulate(known, weight);
         for (std::size_t b = 0; b < kBandCount; ++b)
             tried[b] += bandOf<N>(fresh[i].heard[listener].tried, classes, b) / static_cast<double>(count);
     }
@@ -321,7 +313,6 @@ void refineAs(const AcousticGeometry& geometry, const BandClasses& classes, cons
     std::vector<Ear> ears;
     for (std::size_t k = 0; k < group.results.size(); ++k)
         ears.emplace_back(group.listeners[k], *group.results[k], options.air.speedOfSound);
-    for (Ear& ear : ears) ear.near = NearWalls(geometry, classes, group.source, ear.position);
     connect(geometry, options, ears);
     const Task<N> task(geometry, classes, group.source, std::move(ears), options, first.seconds);
     std::vector<Batch<N>> fresh(first.batches.size());
@@ -335,12 +326,7 @@ void refineAs(const AcousticGeometry& geometry, const BandClasses& classes, cons
     for (std::size_t k = 0; k < group.results.size(); ++k) {
         TraceResult& result = *group.results[k];
         const double weight = static_cast<double>(rays) / static_cast<double>(result.rays + rays);
-        EnergyHistogram known =
-            echoOf(task.ears[k].near, classes, result.arrivals, result.batches.front(), options.air.speedOfSound);
-        // A wall beside the listener sends evenly from half of all directions.
-        if (options.lateral)
-            for (const Bands& bin : known.bins) known.lateral.push_back(times(bin, 1.0 / 3));
-        addHeard(result, fresh, classes, k, known, options, attenuation, weight);
+        addHeard(result, fresh, classes, k, options, attenuation, weight);
         mix(result.absorbed, fate.absorbed, weight);
         mix(result.escaped, fate.escaped, weight);
         mix(result.truncated, fate.truncated, weight);

@@ -16,7 +16,6 @@
 #include <rtsg/audio/trace_result.h>
 
 #include "energy_in_transit.h"
-#include "near_walls.h"
 #include "response/band_classes.h"
 #include "response/listener_images.h"
 
@@ -93,7 +92,6 @@ struct Ear {
     int imageOrder;
     double imageFraction;
     ListenerImages images;  // sound that is scattered and then reflected on one of their paths is connected there
-    NearWalls near;
 
     Ear(const glm::dvec3& at, const TraceResult& result, double speedOfSound)
         : position(at),

@@ -91,8 +91,6 @@ class BatchTracer {
     static constexpr double kBesideWall = 1e-3;
     /// Bounds 1 / m: sound from nearer than a centimetre is as loud as from one, as direct sound and images are.
     static double bounded(double inverse) { return inverse < 100 ? inverse : 100; }
-    /// The lateral share of sound that comes evenly from half of all directions, as from a wall beside the listener.
-    static constexpr double kLateralOfWalls = 1.0 / 3;
     /// Walls that parts of rays meet at most, for each that those meet which were sent.
     static constexpr std::int64_t kWallsOfParts = 3;
 
@@ -292,7 +290,6 @@ class BatchTracer {
         const double from = std::max(0.0, nearest - half), to = std::min(length, nearest + half);
         if (to <= from) return;
         double at = (from + to) / 2;
-        if (lanes_.travelled[i] + at - lanes_.scatteredAt[i] < ear.near.reach()) return;
         if (ear.cut) {
             // One point of the chord stands for all: it counts if it is seen from the listener.
             at = from + (to - from) * random_.uniform();
@@ -304,19 +301,8 @@ class BatchTracer {
         receive(who, lanes_.energyOf(i), (to - from) / ear.volume, lanes_.travelled[i] + at, -direction);
     }
 
-    /// `from`: towards where it comes from. What walls right beside the listener scatter of it is heard as well.
+    /// `from`: towards where it comes from.
     void receive(std::size_t who, const Energy<N>& energy, double factor, double travelled, const glm::dvec3& from) {
-        const double side = glm::dot(ears_[who].across, from);
-        receive(who, energy, factor, travelled, side * side);
-        if (ears_[who].near.reach() > 0)
-            ears_[who].near.echo(from, [&](double later, const Bands& fractions) {
-                Energy<N> back;
-                for (std::size_t c = 0; c < N; ++c) back[c] = energy[c] * fractions[c];
-                receive(who, back, factor, travelled + later, kLateralOfWalls);
-            });
-    }
-    /// `lateral`: the share that a figure-of-eight microphone across hears.
-    void receive(std::size_t who, const Energy<N>& energy, double factor, double travelled, double lateral) {
         if (travelled >= maxDistance_) return;
         const auto bin = static_cast<std::size_t>(std::max(0.0, (travelled - ears_[who].startMetres) * binsPerMetre_));
         const auto addTo = [&](std::vector<Energy<N>>& bins, double fraction) {
@@ -324,7 +310,9 @@ class BatchTracer {
             add<N>(bins[bin], energy, fraction);
         };
         addTo(batch_.heard[who].bins, factor);
-        if (ears_[who].sided) addTo(batch_.heard[who].lateral, factor * lateral);
+        if (!ears_[who].sided) return;
+        const double side = glm::dot(ears_[who].across, from);  // the share that a figure-of-eight microphone hears
+        addTo(batch_.heard[who].lateral, factor * side * side);
     }
 
     /// Lets walls act on the rays that met them, and returns a bit for each that goes on.
@@ -415,10 +403,8 @@ class BatchTracer {
             direction.x[i] = x * inverse, direction.y[i] = y * inverse, direction.z[i] = z * inverse;
             factor[i] = towards * (inverse * bounded(inverse) * bounded(inverse)) * std::numbers::inv_pi;
         }
-        const double beside = ears_[0].near.reach();  // from there on it is heard with what arrives
-        const std::uint32_t wanted = lanesWhere([&](int i) {
-            return factor[i] > 0 && distance[i] >= beside && lanes_.travelled[i] + distance[i] < maxDistance_;
-        });
+        const std::uint32_t wanted =
+            lanesWhere([&](int i) { return factor[i] > 0 && lanes_.travelled[i] + distance[i] < maxDistance_; });
         Energy<N> tried = batch_.heard[0].tried;
         forEachBit(wanted & from, [&](int i) { add<N>(tried, lanes_.scattered(i)); });
         batch_.heard[0].tried = tried;
@@ -436,7 +422,7 @@ class BatchTracer {
         const double towards = glm::dot(toListener, normal);
         if (!(towards > 0)) return;
         const double squared = glm::dot(toListener, toListener), distance = std::sqrt(squared);
-        if (travelled + distance >= maxDistance_ || distance < ears_[who].near.reach()) return;
+        if (travelled + distance >= maxDistance_) return;
         add<N>(batch_.heard[who].tried, energy, weight);
         const double inverse = 1 / distance;
         const glm::dvec3 direction = toListener * inverse;
@@ -494,7 +480,7 @@ class BatchTracer {
         const double towards = glm::dot(toImage, normal);
         if (!(towards > 0)) return;
         const double squared = glm::dot(toImage, toImage), distance = std::sqrt(squared);
-        if (travelled + distance >= maxDistance_ || distance < ears_[target.ear].near.reach()) return;
+        if (travelled + distance >= maxDistance_) return;
         add<N>(batch_.heard[target.ear].tried, energy, weight);
         const int at = connections_.rays.count;
         const double inverse = 1 / distance;

@@ -7,7 +7,6 @@
 
 #include <bit>
 #include <cstdint>
-#include <limits>
 
 #include <glm/glm.hpp>
 
@@ -58,7 +57,6 @@ class RayLanes {
     Vectors before;  // where they came from to there
     alignas(64) double energy[N][kMax] = {};
     alignas(64) double travelled[kMax] = {};  // metres
-    double scatteredAt[kMax] = {};            // distance travelled when it was last scattered, if ever
     double roulette[kMax] = {};               // share of a ray's first energy at which roulette is played next
     Event last[kMax] = {};
     int mirrorOrder[kMax] = {};        // reflections while all were mirror-like
@@ -76,8 +74,7 @@ class RayLanes {
         rays.direction.set(i, direction);
         rays.except[i] = kNoPlane;
         for (std::size_t b = 0; b < N; ++b) energy[b][i] = with[b];
-        travelled[i] = 0, scatteredAt[i] = -std::numeric_limits<double>::infinity();
-        roulette[i] = playedAt, last[i] = Event::emitted;
+        travelled[i] = 0, roulette[i] = playedAt, last[i] = Event::emitted;
         mirrorOrder[i] = 0, mirrors[i] = {}, mirrorFraction[i] = 1, onlyMirrors[i] = true, wallsMet[i] = 0;
         parts[i] = 1, isPart[i] = again[i] = false;
     }
@@ -86,8 +83,7 @@ class RayLanes {
         copyVector(rays.origin), copyVector(rays.direction), copyVector(rays.facing), copyVector(before);
         rays.except[to] = rays.except[from];
         for (std::size_t b = 0; b < N; ++b) energy[b][to] = energy[b][from];
-        travelled[to] = travelled[from], scatteredAt[to] = scatteredAt[from];
-        roulette[to] = roulette[from], last[to] = last[from];
+        travelled[to] = travelled[from], roulette[to] = roulette[from], last[to] = last[from];
         mirrorOrder[to] = mirrorOrder[from], mirrors[to] = mirrors[from], mirrorFraction[to] = mirrorFraction[from];
         onlyMirrors[to] = onlyMirrors[from], wallsMet[to] = wallsMet[from];
         parts[to] = parts[from], isPart[to] = isPart[from], again[to] = again[from];
@@ -98,7 +94,7 @@ class RayLanes {
         glm::dvec3 origin, direction, facing, before;
         std::uint32_t except;
         Energy<N> energy;
-        double travelled, scatteredAt, roulette;
+        double travelled, roulette;
         Event last;
         int mirrorOrder;
         MirrorSequence mirrors;
@@ -169,7 +165,6 @@ class RayLanes {
                   pathLength_.except[i],
                   energyOf(i),
                   pathLength_.travelled[i],
-                  scatteredAt[i],
                   roulette[i],
                   last[i],
                   mirrorOrder[i],
@@ -187,8 +182,7 @@ class RayLanes {
         rays.direction.set(i, part.direction);
         rays.except[i] = part.except;
         for (std::size_t b = 0; b < N; ++b) energy[b][i] = part.energy[b];
-        travelled[i] = part.travelled, scatteredAt[i] = part.scatteredAt;
-        roulette[i] = part.roulette, last[i] = part.last;
+        travelled[i] = part.travelled, roulette[i] = part.roulette, last[i] = part.last;
         mirrorOrder[i] = part.mirrorOrder, mirrors[i] = part.mirrors, mirrorFraction[i] = part.mirrorFraction;
         onlyMirrors[i] = part.onlyMirrors, wallsMet[i] = part.wallsMet;
         parts[i] = part.parts, isPart[i] = again[i] = true;
@@ -218,7 +212,6 @@ class RayLanes {
         for (int i = 0; i < kMax; ++i) {
             const bool scatters = event[i] == kScatters;
             mirrors[i] = scatters ? MirrorSequence() : mirrors[i];
-            scatteredAt[i] = scatters ? travelled[i] : scatteredAt[i];
         }
         for (int i = 0; i < kMax; ++i) {
             const bool scatters = event[i] == kScatters;

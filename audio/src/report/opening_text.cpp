@@ -1,12 +1,7 @@
 // Writes where a room loses sound.
 #include "opening_text.h"
 
-#include <algorithm>
-#include <cmath>
-
 #include <fmt/format.h>
-
-#include <rtsg/core/markup.h>
 
 #include "json_text.h"
 #include "report_figures.h"
@@ -17,34 +12,11 @@ namespace {
 /// Below this no digit of a share is known.
 constexpr double kNothing = 1e-6;
 
-std::string jsonPoint(const glm::dvec3& p) {
-    return fmt::format("[{},{},{}]", jsonNumber(p.x), jsonNumber(p.y), jsonNumber(p.z));
-}
-
 /// In the unit that leaves one to three digits before the point.
 std::string metresText(double metres) {
     if (metres < 0.01) return fmt::format("{:.2g} mm", 1e3 * metres);
-    if (metres < 1) return fmt::format("{:.3g} cm", 1e2 * metres);
-    return fmt::format("{:.3g} m", metres);
-}
-
-std::string namesOf(const RoomOpening& opening) {
-    std::string text;
-    for (const RoomOpening::Beside& beside : opening.beside)
-        text += (text.empty() ? "" : ", ") + printable(beside.name);
-    return text;
-}
-
-std::string_view kindOf(const RoomOpening& opening) {
-    return opening.leak ? "leak" : "opening";
-}
-
-std::string centerText(const glm::dvec3& p) {
-    return fmt::format("{:.2f} {:.2f} {:.2f}", p.x, p.y, p.z);
-}
-
-bool losesSome(const RoomReport::Losses& losses) {
-    return !losses.openings.outdoors && losses.openings.escaped > kNothing;
+    if (metres < 1) return fmt::format("{:.2g} cm", 1e2 * metres);
+    return fmt::format("{:.2g} m", metres);
 }
 
 }  // namespace
@@ -53,68 +25,47 @@ std::string percentText(double fraction) {
     return fmt::format("{:.2g} %", 100 * fraction);
 }
 
-std::string sizeText(const RoomOpening& opening) {
-    return metresText(opening.length) + " x " + metresText(opening.width);
-}
-
 std::string openingsJson(const RoomOpenings& openings) {
-    std::string text = fmt::format("{{\"escaped\":{},\"elsewhere\":{},\"outdoors\":{},\"openings\":[",
-                                   jsonNumber(openings.escaped), jsonNumber(openings.elsewhere), openings.outdoors);
-    for (const RoomOpening& opening : openings.openings) {
+    std::string text = fmt::format("{{\"escaped\":{},\"outdoors\":{}", jsonNumber(openings.escaped), openings.outdoors);
+    if (openings.fraction > 0) {
+        const glm::dvec3& p = openings.center;
         text += fmt::format(
-            "{}{{\"kind\":\"{}\",\"share\":{},\"share_ci95\":{},\"share_bands\":{},\"rays\":{},\"center\":{},"
-            "\"normal\":{},\"length\":{},\"width\":{},\"area\":{},\"boundary_edges\":{},\"beside\":[",
-            &opening == openings.openings.data() ? "" : ",", kindOf(opening), jsonNumber(opening.meanFraction()),
-            jsonNumber(opening.fractionCi95), jsonArray(opening.fraction), opening.rays, jsonPoint(opening.center),
-            jsonPoint(opening.normal), jsonNumber(opening.length), jsonNumber(opening.width), jsonNumber(opening.area),
-            opening.boundaryEdges);
-        for (const RoomOpening::Beside& beside : opening.beside)
-            text +=
-                fmt::format("{}{{\"shape\":{},\"low\":{},\"high\":{}}}", &beside == opening.beside.data() ? "" : ",",
-                            jsonString(beside.name), jsonPoint(beside.box.low), jsonPoint(beside.box.high));
+            ",\"by\":{{\"share\":{},\"center\":[{},{},{}],\"length\":{},\"width\":{},\"area\":{},\"leak\":{},"
+            "\"beside\":[",
+            jsonNumber(openings.fraction), jsonNumber(p.x), jsonNumber(p.y), jsonNumber(p.z),
+            jsonNumber(openings.length), jsonNumber(openings.width), jsonNumber(openings.area), openings.leak);
+        for (const WallShape& one : openings.beside)
+            text += (&one == openings.beside.data() ? "" : ",") + jsonString(one.name);
         text += "]}";
     }
-    return text + "]}";
+    return text + "}";
 }
 
-std::string lossesText(const RoomReport& report) {
+std::string listed(const std::vector<std::string>& names) {
     std::string text;
-    for (const RoomReport::Losses& losses : report.losses) {
-        if (!losesSome(losses)) continue;
-        if (text.empty()) text = "\nsound that leaves the room, of all that a source emits\n";
-        text += fmt::format("  {}: {}\n", printable(losses.source), percentText(losses.openings.escaped));
-        for (const RoomOpening& opening : losses.openings.openings)
-            text += fmt::format("    {:<8} {:>8} +- {:<8} {} ({:.3g} m2) at {}; beside: {}\n", kindOf(opening),
-                                percentText(opening.meanFraction()), percentText(opening.fractionCi95),
-                                sizeText(opening), opening.area, centerText(opening.center), namesOf(opening));
-        if (losses.openings.elsewhere > kNothing)
-            text += fmt::format("    {:<8} {:>8}\n", "other", percentText(losses.openings.elsewhere));
-    }
+    for (const std::string& one : names) text += (text.empty() ? "" : &one == &names.back() ? " and " : ", ") + one;
     return text;
 }
 
-std::string lossesHtml(const RoomReport& report) {
-    std::string page;
-    for (const RoomReport::Losses& losses : report.losses) {
-        if (!losesSome(losses)) continue;
-        if (page.empty()) page = "<h2>Sound that leaves the room</h2>\n";
-        page += fmt::format(
-            "<p>Of what {} emits {} leaves: by openings, and by leaks, which are small beside the room and hardly "
-            "meant.</p>\n<table>\n<tr><th></th><th>Share</th><th>Size</th><th>Area, m&#178;</th><th>Centre, m</th>"
-            "<th>Beside</th></tr>\n",
-            escapeMarkup(printable(losses.source)), percentText(losses.openings.escaped));
-        for (const RoomOpening& opening : losses.openings.openings)
-            page += fmt::format(
-                "<tr><th>{}</th><td>{} <i>&#177;{}</i></td><td>{}</td><td>{:.3g}</td><td>{}</td>"
-                "<td>{}</td></tr>\n",
-                kindOf(opening), percentText(opening.meanFraction()), percentText(opening.fractionCi95),
-                sizeText(opening), opening.area, centerText(opening.center), escapeMarkup(printable(namesOf(opening))));
-        if (losses.openings.elsewhere > kNothing)
-            page += fmt::format("<tr><th>other</th><td>{}</td><td></td><td></td><td></td><td></td></tr>\n",
-                                percentText(losses.openings.elsewhere));
-        page += "</table>\n";
-    }
-    return page;
+std::string namesBeside(const RoomOpenings& openings) {
+    std::vector<std::string> names;
+    for (const WallShape& one : openings.beside) names.push_back(printable(one.name));
+    return listed(names);
+}
+
+std::string lossText(const RoomOpenings& openings, const std::string& source, const std::string& beside) {
+    if (openings.outdoors || !(openings.escaped > kNothing)) return "";
+    std::string text = fmt::format("some {} of the sound of {} leaves the room", percentText(openings.escaped), source);
+    if (!(openings.fraction > 0)) return text;
+    constexpr double kCrack = 10;
+    const std::string what =
+        openings.length > kCrack * openings.width
+            ? fmt::format("a crack of {} x {}", metresText(openings.length), metresText(openings.width))
+            : fmt::format("{} of {:.2g} m2", openings.leak ? "a hole" : "an opening", openings.area);
+    const glm::dvec3& p = openings.center;
+    text += fmt::format(", {} by {} near {:.2f} {:.2f} {:.2f}", percentText(openings.fraction), what, p.x, p.y, p.z);
+    if (!beside.empty()) text += " beside " + beside;
+    return text + (openings.triangle ? ", which lacks a triangle" : "");
 }
 
 }  // namespace rtsg

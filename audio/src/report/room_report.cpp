@@ -161,7 +161,11 @@ std::string RoomReport::toText() const {
     for (const ReportFigure& figure : kReportFigures)
         text += fmt::format("  {:<12}{:>9}\n", figure.title(), reportNumber(figure.single(all.mean), figure.digits));
     text += fmt::format("  {:<12}{:>9}  ({})\n", "STI", reportNumber(meanSpeech(), 3), speechText(speech));
-    text += roomText(*this) + lossesText(*this);
+    text += roomText(*this);
+    for (const Losses& lost : losses)
+        if (const std::string loss = lossText(lost.openings, printable(lost.source), namesBeside(lost.openings));
+            !loss.empty())
+            text += "\n" + loss + "\n";
     for (const Pair& pair : pairs) {
         text += fmt::format("\n{} at {}, heard from {} at {}\n{}\n", printable(pair.source),
                             positionText(pair.sourceAt), printable(pair.listener), positionText(pair.listenerAt), head);

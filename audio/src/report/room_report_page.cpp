@@ -295,7 +295,10 @@ std::string RoomReport::toHtml() const {
         page += "<h2>Mean over places</h2>\n<p>With the standard deviation among them.</p>\n" +
                 figuresTable(all.mean, all.deviation, low, Around::deviation);
     page += "<p class=\"soft\">" + escapedText(bandsText(*this)) + ".</p>\n";
-    page += lossesHtml(*this);
+    for (const Losses& lost : losses)
+        if (const std::string loss = lossText(lost.openings, printable(lost.source), namesBeside(lost.openings));
+            !loss.empty())
+            page += "<p>" + escapedText(loss) + ".</p>\n";
     for (const Pair& pair : pairs) page += pairSection(pair);
     return page + "</body></html>\n";
 }

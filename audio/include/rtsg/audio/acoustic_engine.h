@@ -127,10 +127,7 @@ struct UnheardSource {
 /// A hole or a crack through which a source loses sound.
 struct SoundLeak {
     std::string name;  // of the emitter that it was found with
-    NodeId sound;
-    glm::dvec3 source{0};
-    double seconds = 0;  // scene time
-    RoomOpening opening;
+    RoomOpenings openings;
 };
 
 /// The input of a StreamAudioDestination, with its gain.
@@ -189,11 +186,10 @@ class AcousticEngine {
     /// and listener, or none.
     void note(const SoundEmitter& emitter, const glm::dvec3& listener, double seconds, std::optional<Seal> seal);
     /// The leaks of rooms, each once, with the source that it was found with; at most a thousand. They are looked for
-    /// when a source is first heard in a room that loses some of its sound, and again half a second after the walls
-    /// have changed there (after five seconds if the walls keep changing); for eight sources at most.
+    /// once, when a source is first heard, for eight sources at most.
     const std::vector<SoundLeak>& leaks() const;
     /// Records the leaks that a trace for room-acoustic figures found.
-    void note(const SoundEmitter& emitter, double seconds, const RoomOpenings& openings);
+    void note(const SoundEmitter& emitter, const RoomOpenings& openings);
 
   private:
     struct Impl;

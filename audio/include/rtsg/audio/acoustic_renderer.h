@@ -50,9 +50,7 @@ class AcousticRenderer final : public InstanceSubscriber {
     }
     std::vector<UnheardSource> unheard() const { return engine_->unheard(); }
     const std::vector<SoundLeak>& leaks() const { return engine_->leaks(); }
-    void note(const SoundEmitter& emitter, double seconds, const RoomOpenings& openings) {
-        engine_->note(emitter, seconds, openings);
-    }
+    void note(const SoundEmitter& emitter, const RoomOpenings& openings) { engine_->note(emitter, openings); }
 
   private:
     AcousticRenderer(const RayWorld& world, const Options& options, std::unique_ptr<AcousticEngine> engine);

@@ -54,7 +54,7 @@ struct RoomReport {
         double area = 0;  // m^2
         AcousticMaterial material;
     };
-    /// The openings through which the sound of one source leaves the room.
+    /// How much sound of one source leaves the room, and by which opening most of it.
     struct Losses {
         std::string source;
         RoomOpenings openings;
@@ -94,7 +94,7 @@ struct RoomReport {
 
     std::string toText() const;
     /// {"title":…,"bands_hz":[…],"bands_computed":{"walls":…,"figures":…},"pairs":[{"source":…,"listener":…,…}],"average":{"mean":{…},"deviation":{…}},
-    /// "single":{…},"room":{…},"losses":[{"source":…,"escaped":…,"openings":[{"kind":"leak","share":…,"center":[…],…}]}]};
+    /// "single":{…},"room":{…},"losses":[{"source":…,"escaped":…,"by":{"share":…,"center":[…],…}}]};
     /// what is no number is null.
     std::string toJson() const;
     /// A page that can be printed: figures with their intervals, a plan, materials, decay curves with the fitted lines,

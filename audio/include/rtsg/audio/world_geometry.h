@@ -30,16 +30,12 @@ class WallPlanes;
 
 /// The reason why nothing is heard: shapes that separate a source from a listener.
 struct Seal {
-    struct Shape {
-        NodeId shape, geometry;
-        AcousticBox box;  // in the world
-    };
     bool sourceInside = true;  // otherwise the listener is inside, and the source is not
     /// Whether each of `shapes` is closed and has exactly one of the two inside. Otherwise some thousand scattered rays
     /// found no path.
     bool proven = false;
-    std::vector<Shape> shapes;  // around the inner one: the smallest first, or the three that were hit most
-    std::size_t more = 0;       // number of other shapes that were hit
+    std::vector<WallShape> shapes;  // around the inner one: the smallest first, or the three that were hit most
+    std::size_t more = 0;           // number of other shapes that were hit
 };
 
 class WorldGeometry final : public AcousticGeometry {
@@ -136,7 +132,6 @@ class WorldGeometry final : public AcousticGeometry {
     Flood floodFrom(std::span<const std::uint32_t> open, const glm::dvec3& from, const glm::dvec3& to) const;
     bool meets(std::span<const std::uint32_t> open, const glm::dvec3& from, const glm::dvec3& direction, double length,
                Hit& hit) const;
-    Seal::Shape shapeOf(std::uint32_t slot) const;
     /// An upper bound for the shift of a point by rounding to single precision.
     double roundingAt(const glm::dvec3& point) const {
         const glm::dvec3 away = glm::abs(point - rays_->origin());
