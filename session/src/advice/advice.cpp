@@ -195,6 +195,22 @@ class Advising {
         return {};
     }
 
+    /// Gives up the slowest of those that would not hear half a second in the time that is left.
+    void dropSlow(std::vector<std::unique_ptr<SoundRenderer>>& sounds, const std::vector<double>& taken, double seconds,
+                  double left) {
+        constexpr double kWanted = .5, kSeen = .05;
+        if (seconds < kSeen || seconds >= kWanted) return;
+        double all = 0;
+        std::size_t alive = 0, slowest = 0;
+        for (std::size_t i = 0; i < sounds.size(); ++i) {
+            if (!sounds[i]) continue;
+            all += taken[i], ++alive;
+            if (!sounds[slowest] || taken[i] >= taken[slowest]) slowest = i;
+        }
+        if (alive < 2 || all / seconds * (kWanted - seconds) <= left) return;
+        sounds[slowest].reset(), heard_[slowest].seconds = 0;
+    }
+
     /// Runs the scene; what hears it at all qualities, and what a mirror gets.
     void play() {
         const TrialTime time = timeOf(Stage::playing);
@@ -214,6 +230,7 @@ class Advising {
         }
         const Attachment recording = wants(Sense::mirror) ? world_.scene().bus().attach(recorder_) : Attachment();
         bool hears = !sounds.empty();
+        std::vector<double> taken(sounds.size());
         for (int frame = 1; frame * kFrame <= kMaxRun && time.goesOn(); ++frame) {
             if (!hears && !wants(Sense::mirror)) break;
             if (!options_.runTo(frame * kFrame)) break;
@@ -221,13 +238,14 @@ class Advising {
             hears = false;
             for (std::size_t i = 0; i < sounds.size(); ++i) {
                 if (!sounds[i] || !time.goesOn()) continue;
-                const double start = cpuSeconds();
+                const double start = cpuSeconds(), since = options_.now();
                 const bool good = sounds[i]->renderFrame().has_value();
-                heard_[i].cpu += cpuSeconds() - start;
+                heard_[i].cpu += cpuSeconds() - start, taken[i] += options_.now() - since;
                 heard_[i].seconds = frame * kFrame;
                 if (!good) sounds[i].reset(), heard_[i].seconds = 0;
                 hears = hears || good;
             }
+            dropSlow(sounds, taken, frame * kFrame, time.left());
         }
         for (const HeardCost& cost : heard_) played_ = std::max(played_, cost.seconds);
         for (HeardCost& cost : heard_)

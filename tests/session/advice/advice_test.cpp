@@ -147,7 +147,7 @@ class AdviceTrials : public testing::Test {
 TEST_F(AdviceTrials, FindTheLightThatWhittedMissesAndTheErrorOfPaths) {
     SharedWorld world(scene);
     options.senses = {Sense::pictures};
-    options.seconds = 3;
+    options.seconds = 1;
     const auto advice = advise(world, options);
     ASSERT_TRUE(advice) << advice.error().format();
     EXPECT_TRUE(advice->missing.empty());
