@@ -34,7 +34,7 @@ std::size_t visits(RTCScene scene, const Mesh& mesh, unsigned seed) {
 
 struct Bvhs {
     bvh::Device device{1, true};
-    Worker worker("test");
+    Worker worker{"test"};
     std::unique_ptr<bvh::MeshBvh> followed;
 
     void show(const std::shared_ptr<const Mesh>& mesh) {
