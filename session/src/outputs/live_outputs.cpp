@@ -287,10 +287,11 @@ Result<> LiveOutputs::finish() {
 Result<> LiveOutputs::write() {
     if (arguments_.isCutShort())
         return allOf(arguments_.context, {[&] { return problem_; }, [&] { return leaveUnwritten(); }});
-    const double held = arguments_.animated() ? lastDueAt(elapsed_) + 1 - nextPicture_ : 0;
+    const double missing = arguments_.animated() ? lastDueAt(elapsed_) + 1 - nextPicture_ : 0;
+    const auto skipped = light_ ? static_cast<std::uint64_t>(std::max(0.0, missing)) : 0;
+    live_.picturesSkipped += skipped;
     return allOf(arguments_.context, {[&] { return problem_; }, [&] { return finishSound(); },
-                                      [&] { return finishPictures(static_cast<std::uint64_t>(std::max(0.0, held))); },
-                                      [&] { return finishScene(); }});
+                                      [&] { return finishPictures(skipped); }, [&] { return finishScene(); }});
 }
 
 /// The state of which the sound at this time was made. The last one if several states have that time.
