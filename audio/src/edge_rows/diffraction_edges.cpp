@@ -17,6 +17,7 @@
 #include "edges/diffraction_ends.h"
 #include "edges/diffraction_fractions.h"
 #include "edges/diffraction_hidden_parts.h"
+#include "edges/diffraction_overlaps.h"
 #include "edges/diffraction_small_bodies.h"
 #include "edges/diffraction_waves.h"
 #include "geometry/diffraction_parts.h"
@@ -80,6 +81,7 @@ class Diffraction {
                 pastAll.add({bent, edge, round});
         });
         found.insert(found.end(), pastAll.sorted().begin(), pastAll.sorted().end());
+        joinOverlaps(found);
         std::size_t counted = 0;
         for (const Bending& one : found) {
             if (one.round.past() && counted == kPast) break;
@@ -119,6 +121,34 @@ class Diffraction {
     };
 
     double c() const { return options_.air.speedOfSound; }
+
+    /// Edges on one line have one shortest way, past their ends or not.
+    void joinOverlaps(std::vector<Bending>& found) const {
+        std::vector<std::pair<double, std::size_t>> byPath;
+        for (std::size_t i = 0; i < found.size(); ++i) byPath.emplace_back(found[i].round.path.shortestPath(), i);
+        std::sort(byPath.begin(), byPath.end());
+        bool any = false;
+        for (std::size_t i = 0; i < byPath.size(); ++i) {
+            Bending& one = found[byPath[i].second];
+            for (std::size_t k = i + 1; k < byPath.size(); ++k) {
+                Bending& other = found[byPath[k].second];
+                if (byPath[k].first - byPath[i].first > 4 * edgeRounding(one.edge)) break;
+                WallEdge both;
+                RoundEdge round;
+                if (other.bent < 0 || !joinedEdge(one.edge, other.edge, both) ||
+                    !pathRound(both, source_, listener_, round))
+                    continue;
+                other = {round.past() ? bentPast(both, round) : kInfinity, both, round};
+                one.bent = -1;  // it is in the other one
+                any = true;
+                break;
+            }
+        }
+        if (!any) return;
+        std::erase_if(found, [](const Bending& one) { return one.bent < 0; });
+        std::stable_sort(found.begin(), found.end(),
+                         [](const Bending& a, const Bending& b) { return a.bent > b.bent; });
+    }
 
     void scale(Arrival& arrival, const Bands& factor) {
         if (arrival.straight < 0) {

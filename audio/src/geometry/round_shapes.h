@@ -24,7 +24,7 @@ struct MeshRound {
     RoundBody body;
 };
 
-/// `edges` of one mesh; edges between the facets of a round shape get its number.
+/// `edges` of one mesh, with straight ones joined; edges between the facets of a round shape get its number.
 std::vector<MeshRound> roundsOf(std::vector<MeshEdge>& edges);
 
 /// In the world; false where a transform has made it oval.

@@ -4,19 +4,14 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
-#include <tuple>
 
 #include "diffraction_parts.h"
 #include "round_shapes.h"
+#include "straight_edges.h"
 #include "walls/mesh_bodies.h"
 
 namespace rtsg {
 namespace {
-
-/// By x, y and z.
-bool isBefore(const Vec3f& a, const Vec3f& b) {
-    return std::tie(a.x, a.y, a.z) < std::tie(b.x, b.y, b.z);
-}
 
 struct Edge {
     Vec3f from, to;  // from before to by x, y and z
@@ -233,6 +228,7 @@ std::shared_ptr<const EdgeTable::Found> EdgeTable::foundIn(const std::shared_ptr
     found.edges = edgesOf(*mesh, kFlatFacet);
     const bool mayBeRound = found.edges.size() <= kMaxEdgesOfRounds && diffractionParts().roundBodies;
     if (!mayBeRound) std::erase_if(found.edges, [](const MeshEdge& edge) { return turnAngle(edge) < kFlatEdge; });
+    joinStraight(found.edges);
     if (mayBeRound) found.rounds = roundsOf(found.edges);
     const auto isFlat = [](const MeshEdge& edge) {
         return edge.round == MeshEdge::kNotRound && turnAngle(edge) < kFlatEdge;

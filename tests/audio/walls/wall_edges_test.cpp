@@ -9,6 +9,7 @@
 
 #include <gtest/gtest.h>
 
+#include "geometry/straight_edges.h"
 #include "geometry/wall_edges.h"
 
 namespace rtsg {
@@ -261,6 +262,79 @@ TEST(EdgeTable, IsAfterChangesAsOneThatWasBuiltAnew) {
         EXPECT_EQ(kindsIn(table), kindsIn(anew)) << step;
         EXPECT_EQ(kindsIn(table, open), kindsIn(anew, open)) << step;
     }
+}
+
+std::vector<MeshEdge> straightEdgesOf(const std::vector<Triangle>& triangles) {
+    std::vector<MeshEdge> edges = edgesOf(meshOfTriangles(triangles));
+    joinStraight(edges);
+    return edges;
+}
+
+/// A square in so many pieces a side, from `corner` on, along `right` and `up`.
+void addSquare(std::vector<Triangle>& triangles, int pieces, const glm::dvec3& corner, const glm::dvec3& right,
+               const glm::dvec3& up) {
+    const auto at = [&](int i, int j) {
+        const auto fraction = [&](int k) { return static_cast<double>(k) / pieces; };
+        return Vec3f(corner + right * fraction(i) + up * fraction(j));
+    };
+    for (int i = 0; i < pieces; ++i)
+        for (int j = 0; j < pieces; ++j) {
+            triangles.push_back({at(i, j), at(i + 1, j), at(i + 1, j + 1)});
+            triangles.push_back({at(i, j), at(i + 1, j + 1), at(i, j + 1)});
+        }
+}
+
+TEST(WallEdges, WhatGoesStraightOnIsOne) {
+    for (const int pieces : {1, 2, 7, 40}) {
+        // Away from the origin, and not along the axes: the corners between are off the line by roundings.
+        const glm::dvec3 corner(31.3, -7.7, 12.1), x(1.3, .4, .2), y(-.3, 1.1, .5), z(.1, -.7, 1.9);
+        std::vector<Triangle> triangles;
+        for (const glm::dvec3& side : {glm::dvec3(0), z}) addSquare(triangles, pieces, corner + side, x, y);
+        for (const glm::dvec3& side : {glm::dvec3(0), y}) addSquare(triangles, pieces, corner + side, x, z);
+        for (const glm::dvec3& side : {glm::dvec3(0), x}) addSquare(triangles, pieces, corner + side, y, z);
+        std::mt19937 random(static_cast<unsigned>(pieces));
+        std::shuffle(triangles.begin(), triangles.end(), random);
+        const std::vector<MeshEdge> edges = straightEdgesOf(triangles);
+        ASSERT_EQ(edges.size(), 12u) << pieces;
+        for (const MeshEdge& edge : edges) {
+            const double length = glm::length(glm::dvec3(edge.to) - glm::dvec3(edge.from));
+            EXPECT_LT(std::min({std::abs(length - glm::length(x)), std::abs(length - glm::length(y)),
+                                std::abs(length - glm::length(z))}),
+                      1e-5);
+            EXPECT_NEAR(angleAt(edge.from, edge.to, edge.besideA, edge.besideB),
+                        angleAt(edge.from, edge.to, edge.besideB, edge.besideA), 1e-3);
+        }
+    }
+}
+
+TEST(WallEdges, WhatBendsHoweverLittleIsNotOne) {
+    // The rims of a disk with a hole, with fewer than .1 degrees from one piece to the next.
+    constexpr int kPieces = 4000;
+    std::vector<Triangle> triangles;
+    const auto at = [](double radius, int i) {
+        const double angle = 2 * M_PI * (i % kPieces) / kPieces;
+        return Vec3f(glm::dvec3(3 + radius * std::cos(angle), radius * std::sin(angle), 1));
+    };
+    for (int i = 0; i < kPieces; ++i) {
+        triangles.push_back({at(2, i), at(2, i + 1), at(1, i)});
+        triangles.push_back({at(1, i), at(2, i + 1), at(1, i + 1)});
+    }
+    // Each joined edge stays within roundings of the rims.
+    for (const MeshEdge& edge : straightEdgesOf(triangles)) {
+        const glm::dvec3 middle = (glm::dvec3(edge.from) + glm::dvec3(edge.to)) * .5 - glm::dvec3(3, 0, 1);
+        const double radius = glm::length(middle);
+        EXPECT_LT(std::min(std::abs(radius - 1), std::abs(radius - 2)), 1e-5);
+    }
+    // A corner where faces change ends an edge: a step in a wall's height, seen from above.
+    const glm::dvec3 up(0, 0, 1), back(0, 1, 0);
+    std::vector<Triangle> two;
+    addSquare(two, 1, glm::dvec3(0), {1, 0, 0}, up);
+    addSquare(two, 1, glm::dvec3(0), {1, 0, 0}, back);
+    addSquare(two, 1, {1, 0, 0}, {1, 0, 0}, up);
+    addSquare(two, 1, {1, 0, 0}, {1, 0, 0}, -back);
+    const auto along = [](const MeshEdge& e) { return e.from.y == 0 && e.to.y == 0 && e.from.z == 0 && e.to.z == 0; };
+    const std::vector<MeshEdge> edges = straightEdgesOf(two);
+    EXPECT_EQ(std::ranges::count_if(edges, along), 2);
 }
 
 }  // namespace
