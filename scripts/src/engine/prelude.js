@@ -14,6 +14,7 @@
     const names = Object.create(null), library = native.common;
     /// Errors and arrays are the running program's own: it can tell them by `instanceof`.
     function fail(kind, text) { throw new (native.global()[kind])(text); }
+    const jsonOf = value => native.global().JSON.stringify(value);
     const ownArray = list => native.global().Array.from(list);
     const isNumber = code => code <= SFTime && !(code & 1);
     const SFInt32 = 2, MFInt32 = 3, SFTime = 8, SFString = 10, SFNode = 12, MFNode = 13, SFImage = 18, SFRotation = 32, SFMatrix = 34, SFCustom = 42;
@@ -37,7 +38,7 @@
         toString() { return this.components().join(" "); }
         toVRMLString() { return this.toString(); }
         toXMLString() { return this.toString(); }
-        toJSONString() { return JSON.stringify(this.components()); }
+        toJSONString() { return jsonOf(this.components()); }
         toJSON() { return this.constructor.keys ? Object.fromEntries(this.constructor.keys.map(key => [key, this[key]])) : this.components(); }
         get [Symbol.toStringTag]() { return this.constructor.name; }
     }
@@ -409,7 +410,7 @@
         toString() { return [this.width, this.height, this.comp, ...this.array].join(" "); }
         toVRMLString() { return this.toString(); }
         toXMLString() { return this.toString(); }
-        toJSONString() { return JSON.stringify([this.width, this.height, this.comp, ...this.array]); }
+        toJSONString() { return jsonOf([this.width, this.height, this.comp, ...this.array]); }
         equals(other) { return other instanceof SFImage_ && this.toString() === other.toString(); }
         toJSON() { return {width: this.width, height: this.height, comp: this.comp, array: Array.from(this.array)}; }
     }
@@ -432,11 +433,11 @@
         toString() { return "[" + this.join(", ") + "]"; }
         toVRMLString() { return this.toString(); }
         toXMLString() {
-            return Array.from(this, one => typeof one === "string" ? escaped(JSON.stringify(one)) : one?.toXMLString ? one.toXMLString() : String(one)).join(", ");
+            return Array.from(this, one => typeof one === "string" ? escaped(jsonOf(one)) : one?.toXMLString ? one.toXMLString() : String(one)).join(", ");
         }
         toJSONString() {
             return "[" + Array.from(this, one => {
-                const text = one?.toJSONString ? one.toJSONString() : JSON.stringify(one);
+                const text = one?.toJSONString ? one.toJSONString() : jsonOf(one);
                 return one instanceof Tuple || one instanceof SFImage_ ? text.slice(1, -1) : text;
             }).join(", ") + "]";
         }
