@@ -49,7 +49,7 @@ TEST_F(Advise, StatusZeroOnlyIfAllAskedForIsThere) {
 
 TEST_F(Advise, NamesWhatIsWrong) {
     const std::string bad = folder / "bad.x3dv";
-    writeFile(bad, "#X3D V4.0 utf8\nPROFILE Full\nShape { geometry Bax { } }\n");
+    writeFile(bad, "#X3D V4.0 utf8\nPROFILE Full\nShape { geometry ] }\n");
     const Outcome scene = rtsg({"advise", bad, "--for", "mirror", "--time", "2s"});
     EXPECT_EQ(scene.status, 1);
     EXPECT_THAT(scene.err, HasSubstr("bad.x3dv:3:18: error:"));
