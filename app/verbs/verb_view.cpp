@@ -288,34 +288,34 @@ class Viewing {
 
     /// Answers the requests of the user.
     void answer() {
-        using Kind = SceneWindowRequest::Kind;
+        using Asked = SceneWindowRequest::Kind;
         for (const SceneWindowRequest& request : window_->takeRequests()) {
             Result<> done;
             switch (request.kind) {
-                case Kind::log:
+                case Asked::log:
                     recorder_.toggleLog(source_->scene());
                     break;
-                case Kind::film:
+                case Asked::film:
                     recorder_.toggleFilm(*window_, clock());
                     break;
-                case Kind::pause:
+                case Asked::pause:
                     done = source_->pause(request.on);
                     if (!done) window_->setPaused(false);
                     break;
-                case Kind::step:
+                case Asked::step:
                     done = source_->answer(request);
                     if (done) window_->setPaused(true);
                     break;
-                case Kind::open:
+                case Asked::open:
                     wanted_ = named(request.field);
                     break;
-                case Kind::back:
+                case Asked::back:
                     goBack();
                     break;
-                case Kind::anchor:
+                case Asked::anchor:
                     follow(request.node);
                     break;
-                case Kind::volume:
+                case Asked::volume:
                     volume_ = request.number;
                     if (sound_) sound_->setVolume(volume_);
                     break;

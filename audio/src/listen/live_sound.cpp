@@ -113,10 +113,10 @@ struct LiveSound::Impl {
 
     /// It goes to a new volume within a block, so that nothing clicks.
     void applyVolume() {
-        const float wanted = volume, step = (wanted - applied) / static_cast<float>(out.size());
-        if (wanted == 1 && applied == 1) return;
+        const float next = volume, step = (next - applied) / static_cast<float>(out.size());
+        if (next == 1 && applied == 1) return;
         for (float& sample : out) sample *= applied += step;
-        applied = wanted;
+        applied = next;
     }
     void clip(std::span<float> samples) {
         double sum = 0;
