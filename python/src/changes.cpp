@@ -26,7 +26,7 @@ struct ChangeObject {
 
     const ChangesObject& set() const { return py::cast<const ChangesObject&>(changes); }
     const Change& change() const { return set().set->changes[index]; }
-    int visit(visitproc visit, void* arg) {
+    int traverse(visitproc visit, void* arg) {
         Py_VISIT(changes.ptr());
         return 0;
     }

@@ -20,7 +20,7 @@ struct ChangesObject {
     const ChangeSet* set = nullptr;
     std::shared_ptr<const ChangeSet> kept;
 
-    int visit(visitproc visit, void* arg) {
+    int traverse(visitproc visit, void* arg) {
         Py_VISIT(scene.ptr());
         return 0;
     }

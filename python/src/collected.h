@@ -1,6 +1,6 @@
 // Classes that Python's garbage collector looks into: those that hold Python's objects.
 //
-// A class T has `int visit(visitproc, void*)`, which visits each object that it holds exactly once, and `clear()`,
+// A class T has `int traverse(visitproc, void*)`, which visits each object that it holds exactly once, and `clear()`,
 // which lets go of those that may close a circle. Threading: with the interpreter's lock.
 #pragma once
 
@@ -26,7 +26,7 @@ pybind11::custom_type_setup collected() {
             Py_VISIT(Py_TYPE(self));
 #endif
             T* const inside = detail::insideOf<T>(self);
-            return inside ? inside->visit(visit, arg) : 0;
+            return inside ? inside->traverse(visit, arg) : 0;
         };
         type.tp_clear = [](PyObject* self) -> int {
             if (T* const inside = detail::insideOf<T>(self)) inside->clear();

@@ -109,7 +109,7 @@ class Log {
         replayer_.reset();
     }
 
-    int visit(visitproc visit, void* arg) {
+    int traverse(visitproc visit, void* arg) {
         Py_VISIT(scene_.ptr());
         return 0;
     }

@@ -237,7 +237,7 @@ class Follower final : public Dependent {
     }
     const py::object& scene() const { return scene_; }
 
-    int visit(visitproc visit, void* arg) {
+    int traverse(visitproc visit, void* arg) {
         Py_VISIT(scene_.ptr());
         return 0;
     }

@@ -353,7 +353,7 @@ void SceneHandle::note(const Diagnostic& failure) {
     reports_->failures.push_back(failure);
 }
 
-int SceneHandle::visit(visitproc visit, void* arg) {
+int SceneHandle::traverse(visitproc visit, void* arg) {
     for (const auto& subscription : subscriptions_) Py_VISIT(subscription->call().ptr());
     for (const auto& behaviour : behaviours_) {
         Py_VISIT(behaviour->onTime.ptr());

@@ -161,7 +161,7 @@ class SceneHandle : public std::enable_shared_from_this<SceneHandle> {
     void own(std::shared_ptr<Dependent> dependent);
     void remove(Dependent& dependent);
 
-    int visit(visitproc visit, void* arg);
+    int traverse(visitproc visit, void* arg);
     void clear();
 
   private:

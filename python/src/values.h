@@ -25,7 +25,7 @@ struct NodeObject {
 
     /// Raises Closed, WrongThread; NoSuchName where the node is gone.
     const Node& node() const;
-    int visit(visitproc visit, void* arg) {
+    int traverse(visitproc visit, void* arg) {
         Py_VISIT(scene.ptr());
         return 0;
     }
