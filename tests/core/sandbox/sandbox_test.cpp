@@ -169,7 +169,9 @@ TEST(Sandbox, AJobWaitsForWhatTheCallerSays) {
                               : i == 1 ? "ask"
                                        : "end",
                               [](std::string_view) { return std::string("me"); });
-        if (i == 1 && job) EXPECT_EQ(job->head(), "me");
+        if (i == 1 && job) {
+            EXPECT_EQ(job->head(), "me");
+        }
     }
     ASSERT_TRUE(job) << job.error().text;
     EXPECT_FALSE(job->isPaused());
