@@ -56,8 +56,8 @@ set(RTSG_SANITIZE "" CACHE STRING "Value of -fsanitize for every target")
 set(RTSG_SANITIZE_NOT "" CACHE STRING "Value of -fno-sanitize beside it")
 
 add_library(rtsg_options INTERFACE)
-# Of sources that are compiled together a local name shadows nothing that a neighbour has at its top level.
-set(shadow -Wshadow)
+# A local name shadows no other local one; Parameters may have the names of members that they go into.
+set(shadow "$<IF:$<CXX_COMPILER_ID:GNU>,-Wshadow=local,-Wshadow>")
 if(RTSG_PCH)
   set(shadow "$<$<CXX_COMPILER_ID:GNU>:-Wshadow=local>")
 endif()
