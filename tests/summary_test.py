@@ -1,10 +1,13 @@
 #!/usr/bin/env python3
-"""tests/summary.py on what ctest prints of tests that pass, pass at the second try, fail, are skipped, are slow."""
+"""tests/summary.py on what ctest prints of tests that pass, pass at the second try, fail, are skipped, are slow, and of steps without tests."""
 import sys
 
 from summary import Summary
 
-LOG = """== ./dev asan core
+LOG = """== ./dev lint changed
+a.cpp:3:1: error: a fault
+== ./dev lint changed: FAILED, 19 s
+== ./dev asan core
  1/1 Test #2: core.flaky ........................   Passed    0.50 sec
 == ./dev asan core: passed, 61 s
 == ./dev test
@@ -29,18 +32,21 @@ boo
  9/9 Test  #9: core.of/0  # GetParam() = 1 ......   Passed    5.20 sec
 
 56% tests passed, 4 tests failed out of 8
+== ./dev test: FAILED, 80 s
 """
 TEXT = """Where the time went:
+  ./dev lint changed: FAILED, 19 s
   ./dev asan core: passed, 61 s
   packages: 12 s
   compile and link: 300 s (jobs: compile 500 s, link 61 s)
+  ./dev test: FAILED, 80 s
    1:01.5  core.late (./dev test)
    0:05.2  core.of/0  # GetParam() = 1 (./dev test)
    0:01.1  8 tests of at most 5 s
 Skipped: core.skipped (./dev test), core.disabled (./dev test)
 Passed at the second try: core.flaky (./dev test)
-Failed: core.bad (./dev test), core.crash (./dev test), core.none (./dev test), core.late (./dev test)
-4 passed, 4 failed, 2 skipped"""
+Failed: core.bad (./dev test), core.crash (./dev test), core.none (./dev test), core.late (./dev test), ./dev lint changed
+4 passed, 5 failed, 2 skipped"""
 
 
 def main():

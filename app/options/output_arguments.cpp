@@ -221,7 +221,8 @@ void SoundArguments::addTo(Command& command) {
         ->range(std::uint64_t{1}, std::uint64_t{1} << 40);
     command
         .addOption("--quality", quality,
-                   "quality of played sound: 2 nearly halves its error for up to 1.7 times the time; below 1 saves a tenth at most "
+                   "quality of played sound: 2 nearly halves its error for up to 1.7 times the time; below 1 saves a "
+                   "tenth at most "
                    "(default 1)")
         ->range(0.25, 16.0);
     command.addOption("--diffraction", diffraction, "how many edges in a row sound bends round; 0: none")

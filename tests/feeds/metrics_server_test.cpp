@@ -1,7 +1,9 @@
 // Figures by HTTP: the text's form, and requests of all kinds.
 #include <atomic>
 #include <chrono>
+#include <stdexcept>
 #include <thread>
+#include <utility>
 
 #include <sys/socket.h>
 
@@ -94,6 +96,21 @@ TEST(MetricsServer, AnswersWhatItHasAndRefusesTheRest) {
     EXPECT_TRUE(asked(at, "\r\n\r\n").starts_with("HTTP/1.1 400 "));
     EXPECT_TRUE(asked(at, "GET /" + std::string(5000, 'x')).starts_with("HTTP/1.1 431 "));
     EXPECT_EQ(created, 4);
+}
+
+TEST(MetricsServer, AnExceptionEndsOneAnswer) {
+    bool throws = true;
+    const auto server = MetricsServer::start("0", false, [&]() -> std::string {
+        if (std::exchange(throws, false)) throw std::runtime_error("no figures now");
+        return "a 1\n";
+    });
+    ASSERT_TRUE(server) << server.error().text;
+    const std::string request = "GET /metrics HTTP/1.1\r\nHost: localhost\r\n\r\n";
+    const std::string first = asked((*server)->address(), request);
+    EXPECT_TRUE(first.starts_with("HTTP/1.1 500 ")) << first;
+    EXPECT_NE(first.find("no figures now"), std::string::npos) << first;
+    const std::string second = asked((*server)->address(), request);
+    EXPECT_TRUE(second.starts_with("HTTP/1.1 200 ")) << second;
 }
 
 TEST(MetricsServer, SaysWhetherTheProgramIsWell) {

@@ -76,6 +76,8 @@ struct MetricsServer::State {
     /// Returns false if the connection is done.
     bool poll(Asking& one);
     std::string answer(std::string_view request);
+    /// What an exception ends is one answer.
+    std::string answerOrFailure(std::string_view request);
 
     bool isLoopback = true;
     Descriptor socket;
@@ -147,13 +149,22 @@ bool MetricsServer::State::poll(Asking& one) {
         one.request.append(bytes, static_cast<std::size_t>(size));
         const bool whole = one.request.find("\r\n\r\n") != std::string::npos;
         if (!whole && one.request.size() <= kLongestRequest) return true;
-        one.answer = whole ? answer(one.request) : answerWith("431 Request Header Fields Too Large", "", false);
+        one.answer =
+            whole ? answerOrFailure(one.request) : answerWith("431 Request Header Fields Too Large", "", false);
     }
     const ssize_t size =
         ::send(one.socket.get(), one.answer.data() + one.sent, one.answer.size() - one.sent, MSG_NOSIGNAL);
     if (size < 0) return errno == EAGAIN || errno == EINTR;
     one.sent += static_cast<std::size_t>(size);
     return one.sent < one.answer.size();
+}
+
+std::string MetricsServer::State::answerOrFailure(std::string_view request) {
+    try {
+        return answer(request);
+    } catch (const std::exception& e) {
+        return answerWith("500 Internal Server Error", std::string(e.what()) + "\n", false);
+    }
 }
 
 std::string MetricsServer::State::answer(std::string_view request) {

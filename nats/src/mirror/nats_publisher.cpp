@@ -4,14 +4,12 @@
 #include <algorithm>
 #include <mutex>
 #include <random>
-#include <thread>
 
 #include <fmt/format.h>
 #include <poll.h>
-#include <pthread.h>
-#include <sys/eventfd.h>
-#include <unistd.h>
 
+#include <rtsg/core/descriptor.h>
+#include <rtsg/core/worker.h>
 #include <rtsg/sync/change_codec.h>
 
 #include "asking_mirrors.h"
@@ -54,19 +52,11 @@ class NatsPublisher::Impl {
           address_(std::move(address)),
           subjects_(address_.name),
           typesHash_(ChangeDecoder(builtinTypes()).localHash()),
-          stop_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)),
           history_(options_.history),
           server_(settings(anyNumber()), heardByStream()),
           mirrors_(server_, typesHash_,
                    [this](const std::string& inbox, std::span<const std::byte> first,
                           std::span<const std::byte> second) { publish(inbox, first, second); }) {}
-    ~Impl() {
-        if (thread_.joinable()) {
-            (void)::eventfd_write(stop_, 1);
-            thread_.join();
-        }
-        ::close(stop_);
-    }
     Impl(const Impl&) = delete;
     Impl& operator=(const Impl&) = delete;
 
@@ -107,7 +97,7 @@ class NatsPublisher::Impl {
     const NatsAddress address_;
     const NatsSubjects subjects_;
     const std::uint64_t typesHash_;
-    const int stop_;  // eventfd
+    Wakeup stop_;
     std::unique_ptr<NatsLink> link_;
     NatsEvent news_;
     MirrorHistory history_;
@@ -121,10 +111,10 @@ class NatsPublisher::Impl {
     Clock::time_point allowed_{};
     ByteBuffer message_, packet_;
     NatsPublisherStatistics statistics_;
-    std::thread thread_;
     mutable std::mutex mutex_;  // guards the members below
     NatsPublisherStatistics shown_;
     std::vector<Diagnostic> diagnostics_;
+    Worker worker_{"rtsg nats"};  // last: its job uses the others
 };
 
 Result<> NatsPublisher::Impl::start() {
@@ -137,7 +127,7 @@ Result<> NatsPublisher::Impl::start() {
     if (const std::string problem = link_->subscribe(subjects_.ask); !problem.empty())
         return fail(withoutSecrets(problem, address_), {}, address_.shown);
     if (auto ok = server_.connect(); !ok) return ok;
-    thread_ = std::thread([this] { run(); });
+    worker_.run([this] { run(); }, [this] { stop_.raise(); });
     return {};
 }
 
@@ -154,7 +144,6 @@ nats::ServerStream::Heard NatsPublisher::Impl::heardByStream() {
 }
 
 void NatsPublisher::Impl::run() {
-    ::pthread_setname_np(::pthread_self(), "rtsg nats");
     try {
         while (poll()) continue;
         (void)link_->flush(1s);
@@ -181,7 +170,7 @@ bool NatsPublisher::Impl::poll() {
         const std::scoped_lock lock(mutex_);
         shown_ = statistics_;
     }
-    pollfd items[] = {{stop_, POLLIN, 0},
+    pollfd items[] = {{stop_.get(), POLLIN, 0},
                       {link_->descriptor(), POLLIN, 0},
                       {server_.descriptors()[0], POLLIN, 0},
                       {server_.descriptors()[1], POLLIN, 0},

@@ -6,9 +6,8 @@
 #include <random>
 
 #include <fmt/format.h>
-#include <sys/eventfd.h>
-#include <unistd.h>
 
+#include <rtsg/core/descriptor.h>
 #include <rtsg/sync/record.h>
 
 #include "link/open_nats.h"
@@ -67,10 +66,11 @@ struct NatsSession {
 class NatsConnection : public Connection {
   public:
     explicit NatsConnection(std::shared_ptr<NatsSession> session)
-        : session_(std::move(session)), link_(*session_->link), event_(::eventfd(1, EFD_CLOEXEC | EFD_NONBLOCK)) {}
+        : session_(std::move(session)), link_(*session_->link) {
+        connected_.raise();
+    }
     ~NatsConnection() override {
         (void)link_.flush(500ms);  // the client's goodbye
-        ::close(event_);
     }
 
     bool send(std::span<const std::byte> first, std::span<const std::byte> second) override;
@@ -79,12 +79,9 @@ class NatsConnection : public Connection {
         session_->takeNews();  // this is asked before each wait, and nothing comes by a connection that is lost
         return empty_ && !refused_;
     }
-    std::array<int, 2> descriptors() const override { return {link_.descriptor(), event_}; }
-    Event nextEvent() override {
-        eventfd_t count = 0;
-        return ::eventfd_read(event_, &count) == 0 ? Event::up : Event::none;
-    }
-    void reconnect(std::chrono::milliseconds) override { (void)::eventfd_write(event_, 1); }
+    std::array<int, 2> descriptors() const override { return {link_.descriptor(), connected_.get()}; }
+    Event nextEvent() override { return connected_.clear() ? Event::up : Event::none; }
+    void reconnect(std::chrono::milliseconds) override { connected_.raise(); }
 
   private:
     enum class Mode : std::uint8_t {
@@ -114,7 +111,7 @@ class NatsConnection : public Connection {
 
     const std::shared_ptr<NatsSession> session_;
     NatsLink& link_;
-    const int event_;  // eventfd: there is a connection
+    Wakeup connected_;
     Mode mode_ = Mode::idle;
     std::uint64_t client_ = 0;  // the client's session
     std::uint64_t window_ = 0;  // bytes

@@ -10,9 +10,8 @@
 
 #include <fmt/format.h>
 #include <poll.h>
-#include <sys/eventfd.h>
-#include <unistd.h>
 
+#include <rtsg/core/descriptor.h>
 #include <rtsg/sync/mirror_keys.h>
 
 namespace rtsg {
@@ -21,45 +20,50 @@ namespace {
 
 constexpr std::string_view kScheme = "inproc://";
 
-struct Mail {
+struct QueuedMessage {
     std::string from, user;
     std::vector<std::byte> first, copy;
     std::span<const std::byte> second;  // in `copy`, or kept alive by `owner`
     SharedBytes owner;
 };
 
+/// What a reader waits at; it is rung once until it is silenced.
+class Bell {
+  public:
+    void ring() {
+        if (!std::exchange(isRung_, true)) wakeup_.raise();
+    }
+    void silence() {
+        if (std::exchange(isRung_, false)) wakeup_.clear();
+    }
+    int descriptor() const { return wakeup_.get(); }
+
+  private:
+    Wakeup wakeup_;
+    bool isRung_ = false;
+};
+
 }  // namespace
 
-/// Messages for one reader, with a descriptor that is readable while some wait. `mutex` of the net guards it.
+/// Messages for one reader, with a descriptor that is readable while some wait. `mutex` of the directory guards it.
 class InProcess::Queue {
   public:
-    Queue() : ring_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {}
-    ~Queue() { ::close(ring_); }
-    Queue(const Queue&) = delete;
-    Queue& operator=(const Queue&) = delete;
-
     void push(std::string from, std::string user, std::span<const std::byte> first, std::span<const std::byte> second,
               const SharedBytes& owner) {
-        Mail& mail = mails_.emplace_back();
-        mail.from = std::move(from);
-        mail.user = std::move(user);
-        mail.first.assign(first.begin(), first.end());
-        if (!owner) mail.copy.assign(second.begin(), second.end());
-        mail.second = owner ? second : mail.copy;
-        mail.owner = owner;
-        ring();
+        QueuedMessage& queued = waiting_.emplace_back();
+        queued.from = std::move(from);
+        queued.user = std::move(user);
+        queued.first.assign(first.begin(), first.end());
+        if (!owner) queued.copy.assign(second.begin(), second.end());
+        queued.second = owner ? second : queued.copy;
+        queued.owner = owner;
+        bell_.ring();
     }
-    /// The mail stays here until the next one is taken.
+    /// The message stays here until the next one is taken.
     bool take(Received& message) {
-        if (mails_.empty()) {
-            if (std::exchange(rung_, false)) {
-                eventfd_t count = 0;
-                (void)::eventfd_read(ring_, &count);
-            }
-            return false;
-        }
-        taken_ = std::move(mails_.front());
-        mails_.pop_front();
+        if (waiting_.empty()) return bell_.silence(), false;
+        taken_ = std::move(waiting_.front());
+        waiting_.pop_front();
         message.from = taken_.from;
         message.user = taken_.user;
         message.first = taken_.first;
@@ -67,32 +71,28 @@ class InProcess::Queue {
         message.problem = nullptr;
         return true;
     }
-    void ring() {
-        if (!std::exchange(rung_, true)) (void)::eventfd_write(ring_, 1);
-    }
-    bool empty() const { return mails_.empty(); }
-    int descriptor() const { return ring_; }
+    int descriptor() const { return bell_.descriptor(); }
 
   private:
-    const int ring_;  // eventfd
-    bool rung_ = false;
-    std::deque<Mail> mails_;
-    Mail taken_;
+    Bell bell_;
+    std::deque<QueuedMessage> waiting_;
+    QueuedMessage taken_;
 };
 
 /// All listeners and connections. A connection that is up has a number, by which its listener knows it.
-struct InProcess::Net {
+struct InProcess::Directory {
     std::mutex mutex;
-    std::map<std::string, Ear*, std::less<>> ears;
-    std::map<std::string, Link*, std::less<>> up;  // by number
-    std::vector<Link*> waiting;                    // for a listener
-    std::uint64_t last = 0;                        // number given
+    std::map<std::string, QueueListener*, std::less<>> listeners;
+    std::map<std::string, QueueConnection*, std::less<>> up;  // by number
+    std::vector<QueueConnection*> waiting;                    // for a listener
+    std::uint64_t last = 0;                                   // number given
 };
 
-class InProcess::Ear : public Listener {
+class InProcess::QueueListener : public Listener {
   public:
-    Ear(std::shared_ptr<Net> net, std::string endpoint) : net_(std::move(net)), endpoint_(std::move(endpoint)) {}
-    ~Ear() override;
+    QueueListener(std::shared_ptr<Directory> directory, std::string endpoint)
+        : directory_(std::move(directory)), endpoint_(std::move(endpoint)) {}
+    ~QueueListener() override;
 
     const std::string& endpoint() const override { return endpoint_; }
     Clock::duration prepare(Items items, bool) override {
@@ -102,7 +102,7 @@ class InProcess::Ear : public Listener {
     }
     bool came(Items items) override { return items[0].revents != 0; }
     bool receive(Received& message) override {
-        const std::scoped_lock lock(net_->mutex);
+        const std::scoped_lock lock(directory_->mutex);
         return queue_.take(message);
     }
     Failures received(bool) override { return {}; }
@@ -111,69 +111,68 @@ class InProcess::Ear : public Listener {
     Queue& queue() { return queue_; }
 
   private:
-    const std::shared_ptr<Net> net_;
+    const std::shared_ptr<Directory> directory_;
     const std::string endpoint_;
     Queue queue_;
 };
 
-class InProcess::Link : public Connection {
+class InProcess::QueueConnection : public Connection {
   public:
-    Link(std::shared_ptr<Net> net, std::string endpoint, std::string user)
-        : net_(std::move(net)), endpoint_(std::move(endpoint)), user_(std::move(user)) {
-        const std::scoped_lock lock(net_->mutex);
+    QueueConnection(std::shared_ptr<Directory> directory, std::string endpoint, std::string user)
+        : directory_(std::move(directory)), endpoint_(std::move(endpoint)), user_(std::move(user)) {
+        const std::scoped_lock lock(directory_->mutex);
         lookFor();
     }
-    ~Link() override {
-        const std::scoped_lock lock(net_->mutex);
+    ~QueueConnection() override {
+        const std::scoped_lock lock(directory_->mutex);
         leave();
     }
 
     bool send(std::span<const std::byte> first, std::span<const std::byte> second) override {
-        const std::scoped_lock lock(net_->mutex);
-        if (ear_) ear_->queue().push(number_, user_, first, second, nullptr);
-        return ear_ != nullptr;
+        const std::scoped_lock lock(directory_->mutex);
+        if (listener_) listener_->queue().push(number_, user_, first, second, nullptr);
+        return listener_ != nullptr;
     }
     bool receive(Received& message) override {
-        const std::scoped_lock lock(net_->mutex);
+        const std::scoped_lock lock(directory_->mutex);
         empty_ = !queue_.take(message);
         return !empty_;
     }
     bool foundEmpty() const override { return empty_; }
     std::array<int, 2> descriptors() const override { return {queue_.descriptor(), events_.descriptor()}; }
     Event nextEvent() override {
-        const std::scoped_lock lock(net_->mutex);
-        Received none;
-        if (happened_.empty()) return (void)events_.take(none), Event::none;
+        const std::scoped_lock lock(directory_->mutex);
+        if (happened_.empty()) return events_.silence(), Event::none;
         const Event event = happened_.front();
         happened_.pop_front();
         return event;
     }
     void reconnect(std::chrono::milliseconds) override {
-        const std::scoped_lock lock(net_->mutex);
+        const std::scoped_lock lock(directory_->mutex);
         leave();
         lookFor();
     }
 
-    // With the net's mutex held.
+    // With the directory's mutex held.
     void lookFor() {
-        const auto found = net_->ears.find(endpoint_);
-        if (found == net_->ears.end()) return net_->waiting.push_back(this);
-        ear_ = found->second;
-        number_ = std::to_string(++net_->last);
-        net_->up.emplace(number_, this);
+        const auto found = directory_->listeners.find(endpoint_);
+        if (found == directory_->listeners.end()) return directory_->waiting.push_back(this);
+        listener_ = found->second;
+        number_ = std::to_string(++directory_->last);
+        directory_->up.emplace(number_, this);
         happens(Event::up);
     }
     void leave() {
-        std::erase(net_->waiting, this);
-        net_->up.erase(number_);
-        ear_ = nullptr;
+        std::erase(directory_->waiting, this);
+        directory_->up.erase(number_);
+        listener_ = nullptr;
     }
     void lose() {
         leave();
         happens(Event::down);
-        net_->waiting.push_back(this);
+        directory_->waiting.push_back(this);
     }
-    bool leadsTo(const Ear* ear) const { return ear_ == ear; }
+    bool leadsTo(const QueueListener* listener) const { return listener_ == listener; }
     const std::string& endpoint() const { return endpoint_; }
     Queue& queue() { return queue_; }
 
@@ -183,35 +182,37 @@ class InProcess::Link : public Connection {
         events_.ring();
     }
 
-    const std::shared_ptr<Net> net_;
+    const std::shared_ptr<Directory> directory_;
     const std::string endpoint_, user_;
-    Ear* ear_ = nullptr;
+    QueueListener* listener_ = nullptr;
     std::string number_;
-    Queue queue_, events_;  // of the latter only the descriptor
+    Queue queue_;
+    Bell events_;
     std::deque<Event> happened_;
     bool empty_ = false;
 };
 
-InProcess::Ear::~Ear() {
-    const std::scoped_lock lock(net_->mutex);
-    if (const auto own = net_->ears.find(endpoint_); own != net_->ears.end() && own->second == this)
-        net_->ears.erase(own);
-    std::vector<Link*> ours;
-    for (const auto& [number, link] : net_->up)
-        if (link->leadsTo(this)) ours.push_back(link);
-    for (Link* link : ours) link->lose();
+InProcess::QueueListener::~QueueListener() {
+    const std::scoped_lock lock(directory_->mutex);
+    if (const auto own = directory_->listeners.find(endpoint_);
+        own != directory_->listeners.end() && own->second == this)
+        directory_->listeners.erase(own);
+    std::vector<QueueConnection*> ours;
+    for (const auto& [number, connection] : directory_->up)
+        if (connection->leadsTo(this)) ours.push_back(connection);
+    for (QueueConnection* connection : ours) connection->lose();
 }
 
-bool InProcess::Ear::send(std::string_view to, std::span<const std::byte> first, std::span<const std::byte> second,
-                          const SharedBytes& owner) {
-    const std::scoped_lock lock(net_->mutex);
-    const auto found = net_->up.find(to);
-    if (found == net_->up.end() || !found->second->leadsTo(this)) return false;
+bool InProcess::QueueListener::send(std::string_view to, std::span<const std::byte> first,
+                                    std::span<const std::byte> second, const SharedBytes& owner) {
+    const std::scoped_lock lock(directory_->mutex);
+    const auto found = directory_->up.find(to);
+    if (found == directory_->up.end() || !found->second->leadsTo(this)) return false;
     found->second->queue().push({}, {}, first, second, owner);
     return true;
 }
 
-InProcess::InProcess(Clock& clock) : clock_(clock), net_(std::make_shared<Net>()) {}
+InProcess::InProcess(Clock& clock) : clock_(clock), directory_(std::make_shared<Directory>()) {}
 InProcess::~InProcess() = default;
 
 Result<bool> InProcess::isLocal(const std::string& endpoint) const {
@@ -221,17 +222,18 @@ Result<bool> InProcess::isLocal(const std::string& endpoint) const {
 
 Result<std::unique_ptr<Listener>> InProcess::listen(const std::string& endpoint, const ListenSettings&) {
     if (const auto local = isLocal(endpoint); !local) return std::unexpected(local.error());
-    auto ear = std::make_unique<Ear>(net_, endpoint);
-    const std::scoped_lock lock(net_->mutex);
-    if (!net_->ears.emplace(endpoint, ear.get()).second)
+    auto listener = std::make_unique<QueueListener>(directory_, endpoint);
+    const std::scoped_lock lock(directory_->mutex);
+    if (!directory_->listeners.emplace(endpoint, listener.get()).second)
         return fail(fmt::format("cannot bind {}: Address already in use", endpoint));
-    for (Link* link : std::exchange(net_->waiting, {})) link->lookFor();
-    return ear;
+    for (QueueConnection* connection : std::exchange(directory_->waiting, {})) connection->lookFor();
+    return listener;
 }
 
 Result<std::unique_ptr<Connection>> InProcess::connect(const std::string& endpoint, const ConnectSettings& settings) {
     if (const auto local = isLocal(endpoint); !local) return std::unexpected(local.error());
-    return std::make_unique<Link>(net_, endpoint, settings.keys ? settings.keys->clientPublic.front() : std::string());
+    return std::make_unique<QueueConnection>(directory_, endpoint,
+                                             settings.keys ? settings.keys->clientPublic.front() : std::string());
 }
 
 }  // namespace rtsg

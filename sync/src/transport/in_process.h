@@ -24,12 +24,12 @@ class InProcess : public Transport {
     Result<std::unique_ptr<Connection>> connect(const std::string& endpoint, const ConnectSettings& settings) override;
 
   private:
-    struct Net;
+    struct Directory;
     class Queue;
-    class Ear;
-    class Link;
+    class QueueListener;
+    class QueueConnection;
     Clock& clock_;
-    std::shared_ptr<Net> net_;
+    std::shared_ptr<Directory> directory_;
 };
 
 }  // namespace rtsg

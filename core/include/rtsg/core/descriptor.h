@@ -42,10 +42,10 @@ class Wakeup {
     int get() const { return counter_.get(); }
     /// It is readable from now on.
     void raise() const { static_cast<void>(::eventfd_write(counter_.get(), 1)); }
-    /// It is not, until it is raised anew.
-    void clear() const {
+    /// It is not, until it is raised anew. Returns whether it was.
+    bool clear() const {
         eventfd_t ignored = 0;
-        static_cast<void>(::eventfd_read(counter_.get(), &ignored));
+        return ::eventfd_read(counter_.get(), &ignored) == 0;
     }
 
   private:
