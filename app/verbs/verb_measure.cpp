@@ -74,8 +74,9 @@ void printIrradiance(const MeasureArguments& options, const std::array<double, 6
                    found.luminous, found.luminousInterval);
         if (options.candela > 0) fmt::print("\"lux\":{:.9g},\"lux_ci95\":{:.4g},", lux, luxInterval);
         fmt::print(
-            "\"luminous_cut\":{:.4g},\"samples\":{},\"reached\":{},\"missing\":{:.4g},\"hidden_light\":{:.4g}}}\n",
-            found.luminousCut, found.samples, found.reached, found.missing, found.hiddenLight);
+            "\"luminous_cut\":{:.4g},\"samples\":{},\"reached\":{},\"missing\":{:.4g},\"hidden_light\":{:.4g},\"lost_"
+            "light\":{:.4g}}}\n",
+            found.luminousCut, found.samples, found.reached, found.missing, found.hiddenLight, found.lostLight);
         return;
     }
     fmt::print("({:g} {:g} {:g}) facing ({:g} {:g} {:g}): ", at[0], at[1], at[2], at[3], at[4], at[5]);
@@ -157,8 +158,9 @@ int measure(const MeasureArguments& options) {
         if (!result) return printError(result.error()), kBad;
         printIrradiance(options, at, *result);
         if (interrupted()) return printError("interrupted"), kBad;
-        const auto warning = hiddenLightWarning(options.scene, i == 0 ? result->hiddenLight : 0);
-        if (warning) say(*warning);
+        if (i == 0)
+            for (const Diagnostic& warning : hiddenLightWarnings(options.scene, result->hiddenLight, result->lostLight))
+                say(warning);
         if (!isComplete(options, options.positions[i], *result)) whole = false;
     }
     return whole ? kDone : kBad;

@@ -189,15 +189,15 @@ std::string budgetJson(const BudgetReport& budget, const RenderStats& all) {
 void reportResult(const RenderArguments& options, const RenderSettings& settings, const RenderStats& all,
                   const Content& content, const std::optional<Flattener::Cuts>& cuts,
                   const std::optional<BudgetReport>& budget) {
-    if (const auto warning = hiddenLightWarning(options.scene, all.hiddenLight)) say(*warning);
+    for (const Diagnostic& warning : hiddenLightWarnings(options.scene, all.hiddenLight, all.lostLight)) say(warning);
     if (options.json) {
         std::string more;
         if (budget)
             more = budgetJson(*budget, all);
         else if (settings.error > 0)
-            more =
-                fmt::format(",\"error\":{:.4g},\"rms_over_mean\":{:.4g},\"unreached\":{:.4g},\"hidden_light\":{:.4g}",
-                            all.error, noiseOverMean(all), all.unreached, all.hiddenLight);
+            more = fmt::format(
+                R"(,"error":{:.4g},"rms_over_mean":{:.4g},"unreached":{:.4g},"hidden_light":{:.4g},"lost_light":{:.4g})",
+                all.error, noiseOverMean(all), all.unreached, all.hiddenLight, all.lostLight);
         if (options.frames > 1) more += fmt::format(",\"kept\":{:.4g}", all.kept);
         if (cuts) more += tessellationJson(*cuts);
         fmt::print(
@@ -222,7 +222,6 @@ void reportResult(const RenderArguments& options, const RenderSettings& settings
     else if (settings.error > 0)
         fmt::print("error {:.2g} (asked: {:g}), noise {:.2g} of the mean, with {:.0f} samples a pixel\n", all.error,
                    settings.error, noiseOverMean(all), all.samples);
-    if (const auto warning = hiddenLightWarning(options.scene, all.hiddenLight)) say(*warning);
 }
 
 /// Adds the figures of one frame to those of all.
@@ -231,6 +230,7 @@ void addFrame(RenderStats& all, const RenderStats& frame, int frames) {
     all.missing = std::max(all.missing, frame.missing);
     all.error = std::max(all.error, frame.error), all.unreached = std::max(all.unreached, frame.unreached);
     all.hiddenLight = std::max(all.hiddenLight, frame.hiddenLight);
+    all.lostLight = std::max(all.lostLight, frame.lostLight);
     if (noiseOverMean(frame) >= noiseOverMean(all)) all.noise = frame.noise, all.mean = frame.mean;
     all.samples += frame.samples / frames, all.kept += frame.kept / frames;
 }

@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include <rtsg/session/labels.h>
+#include <rtsg/session/output_report.h>
 
 #include "trials.h"
 
@@ -379,12 +380,8 @@ class PictureTrials {
 
     /// What no setting finds.
     void sayUnseen() {
-        if (stats_ && stats_->hiddenLight > kToSay)
-            table_.sentences.push_back(
-                fmt::format("{:.0f} % of the light of shining surfaces meets clear or mirroring surfaces first; what "
-                            "lies behind is "
-                            "found by chance alone, with any setting",
-                            100 * stats_->hiddenLight));
+        for (const Diagnostic& one : hiddenLightWarnings({}, stats_ ? stats_->hiddenLight : 0, 0))
+            table_.sentences.push_back(one.text);
         if (stats_ && stats_->missing > 1e-3)
             table_.sentences.push_back(fmt::format(
                 "Up to {:.1f} % of the light is missing, since paths end after 10,000 bounces", 100 * stats_->missing));

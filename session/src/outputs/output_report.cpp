@@ -95,16 +95,18 @@ std::string missingError(double asked, double reached, double unreached) {
                        asked, reached, 100 * unreached);
 }
 
-std::optional<Diagnostic> hiddenLightWarning(const std::string& scene, double fraction) {
+std::vector<Diagnostic> hiddenLightWarnings(const std::string& scene, double hidden, double lost) {
     constexpr double kWorthAWarning = .01;
-    if (fraction < kWorthAWarning) return {};
-    return Diagnostic{Severity::warning,
-                      scene,
-                      {},
-                      fmt::format("{:.0f} % of the light of shining surfaces meets clear or mirroring surfaces first: "
-                                  "beyond them paths find it by chance alone, which takes many samples",
-                                  100 * fraction),
-                      DiagnosticCode{"picture"}};
+    std::vector<Diagnostic> warnings;
+    const auto warn = [&](double fraction, std::string_view from, std::string_view beyond) {
+        if (fraction < kWorthAWarning) return;
+        std::string text = fmt::format("{:.0f} % of the light of {} meets clear or mirroring surfaces first: {}",
+                                       100 * fraction, from, beyond);
+        warnings.push_back({Severity::warning, scene, {}, std::move(text), DiagnosticCode{"picture"}});
+    };
+    warn(hidden, "shining surfaces", "beyond them paths find it by chance alone, which takes many samples");
+    warn(lost, "PointLights and SpotLights", "how they gather or throw it on (caustics) is left out");
+    return warnings;
 }
 
 }  // namespace rtsg

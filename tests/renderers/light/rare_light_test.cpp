@@ -187,6 +187,36 @@ TEST(RareLight, BehindGlassAndMirrorsIsTold) {
         EXPECT_NEAR(fractionIn(lamp + disk(appearance)), expected, 4 * std::sqrt(expected / 4096));
     EXPECT_EQ(fractionIn(lamp + disk(kMatte)), 0);
 }
+TEST(RareLight, WhatPointLightsThrowByGlassAndMirrorsIsReportedAsLost) {
+    const auto lostIn = [](const std::string& scene) {
+        LightScene s(scene, 16, 16);
+        toError(s, 1000, 8);
+        (void)s.picture();
+        return s.stats.lostLight;
+    };
+    const std::string eye = "Viewpoint { position 0 3 9 } ", point = "PointLight { location 0 2 0 radius 100 }";
+    const std::string aside = "PointLight { location 0 2 40 intensity .5 radius 100 }";  // sees little of it
+    const auto disk = [](const std::string& appearance) {
+        return "Transform { rotation 1 0 0 -1.5707963 translation 0 1 0 children Shape { appearance Appearance { " +
+               appearance + " } geometry Disk2D { outerRadius 1 solid FALSE } } }";
+    };
+    const double expected = std::pow(std::sin(std::numbers::pi / 8), 2);
+    for (const std::string& appearance : {glass(1.5), mirror(".9")}) {
+        EXPECT_NEAR(lostIn(eye + point + disk(appearance)), expected, 4 * std::sqrt(expected / 4096));
+        EXPECT_NEAR(lostIn(eye + point + aside + disk(appearance)), expected * 2 / 3, 4 * std::sqrt(expected / 4096));
+    }
+    EXPECT_EQ(lostIn(eye + point + disk(kMatte)), 0);
+    // A cone of 30 degrees that the disk of 45 takes whole, and one of 60 of which it takes (1 - cos 45) / (1 - cos
+    // 60).
+    const auto spot = [](double angle) {
+        return fmt::format("SpotLight {{ location 0 2 0 direction 0 -1 0 cutOffAngle {} beamWidth {} radius 100 }}",
+                           angle, angle);
+    };
+    EXPECT_EQ(lostIn(eye + spot(std::numbers::pi / 6) + disk(mirror(".9"))), 1);
+    const double part = (1 - std::sqrt(.5)) / .5;
+    EXPECT_NEAR(lostIn(eye + spot(std::numbers::pi / 3) + disk(mirror(".9"))), part, 4 * std::sqrt(part / 4096));
+    EXPECT_EQ(lostIn(eye + "DirectionalLight { direction 0 -1 0 }" + disk(mirror(".9"))), 0);
+}
 
 // A place that sees a lamp through a slab alone: by most seeds no sample of the first ones meets it.
 TEST(RareLight, IrradianceOfNothingIsNotReached) {

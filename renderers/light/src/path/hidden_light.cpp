@@ -89,6 +89,35 @@ class Rays {
     std::vector<double> upTo_;
 };
 
+/// The share of the light of PointLights and SpotLights that meets clear or mirroring surfaces first.
+double lostLight(const TraceScene& scene) {
+    std::vector<const TraceLight*> lamps;
+    std::vector<double> upTo;
+    double sum = 0;
+    for (const TraceLight& light : scene.lightGroups.lights) {
+        if (light.kind != Light::Kind::point && light.kind != Light::Kind::spot) continue;
+        const bool isSpot = light.kind == Light::Kind::spot;
+        lamps.push_back(&light);
+        upTo.push_back(sum += double{largest(light.color)} * (isSpot ? 1 - std::cos(double{light.cutOffAngle}) : 2));
+    }
+    if (!(sum > 0)) return 0;
+    int lost = 0;
+    for (int ray = 0; ray < kRays; ++ray) {
+        const auto found = std::min(std::ranges::upper_bound(upTo, (ray + .5) / kRays * sum), upTo.end() - 1);
+        const TraceLight& light = *lamps[static_cast<std::size_t>(found - upTo.begin())];
+        Vec3f direction = directionOf(ray);
+        if (light.kind == Light::Kind::spot) {
+            const float along = 1 - numberOf(ray, 4) * (1 - std::cos(light.cutOffAngle));
+            const Vec3f across = direction - light.direction * glm::dot(direction, light.direction);
+            direction = light.direction * along + glm::normalize(across) * std::sqrt(std::max(1 - along * along, 0.0f));
+        }
+        const Hit hit =
+            scene.world->intersect({light.position, kLeave, direction, std::numeric_limits<float>::infinity()});
+        if (hit.instance < scene.slots.size() && rotationsLight(materialOf(scene, hit.instance))) ++lost;
+    }
+    return double{1} * lost / kRays;
+}
+
 }  // namespace
 
 HiddenLight findHiddenLight(const TraceScene& scene) {
@@ -113,7 +142,9 @@ HiddenLight findHiddenLight(const TraceScene& scene) {
     for (const TraceLight& light : scene.lightGroups.lights)
         result.brightest = std::max(result.brightest, largest(light.color));
     result.any = result.brightest > 0 || !scene.volumes.empty();
-    if (!rotations || !scene.emitters) return result;
+    if (!rotations) return result;
+    result.lost = lostLight(scene);
+    if (!scene.emitters) return result;
     const Rays rays(scene);
     int hidden = 0;
     for (int ray = 0; ray < kRays; ++ray) {

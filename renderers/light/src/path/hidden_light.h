@@ -16,7 +16,9 @@ struct HiddenLight {
     float brightest = 0;  // the largest radiance of anything, or intensity of a light
     /// The largest radiance that may arrive where nothing but bounces finds it; 0: none.
     float maximum = 0;
-    double fraction = 0;  // of the light of shining surfaces, what meets clear or mirroring surfaces first
+    /// What meets clear or mirroring surfaces first of the light of shining surfaces, and of PointLights and
+    /// SpotLights: no path finds how such surfaces gather or throw on the latter.
+    double fraction = 0, lost = 0;
 
     /// TraceScene::countsFrom: the brightest of it counts, as only that bounds what is missing.
     float countsFrom() const { return maximum > 0 ? maximum / 4 : std::numeric_limits<float>::infinity(); }

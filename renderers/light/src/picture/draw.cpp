@@ -354,7 +354,7 @@ Picture drawTiles(const LightState& state, const RayView& world, const Camera& c
         if (*primary) scene.primary = &*primary;
     }
     Picture picture = drawPicture(scene, camera, settings, &stats, tileByTile ? &kept : nullptr, hidden);
-    stats.hiddenLight = hidden.fraction;
+    stats.hiddenLight = hidden.fraction, stats.lostLight = hidden.lost;
     if (settings.layers != 0) {
         addLayers(world, settings, picture);
         if (!stats.cancelled) drawLayerData(scene, camera, settings, picture);

@@ -69,6 +69,7 @@ void addStats(const RenderStats& part, double fraction, RenderStats& sum) {
     sum.unreached += part.unreached * fraction, sum.samples += part.samples * fraction,
         sum.kept += part.kept * fraction;
     sum.hiddenLight = std::max(sum.hiddenLight, part.hiddenLight);
+    sum.lostLight = std::max(sum.lostLight, part.lostLight);
     sum.cancelled = sum.cancelled || part.cancelled;
 }
 

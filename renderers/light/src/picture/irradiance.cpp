@@ -158,6 +158,7 @@ struct Sums {
         const glm::dvec4 value = kPi * mean, cut = curved.lack(value), whole = half + cut + unseen(hidden);
         Irradiance result{Vec3d(value), Vec3d(whole), value.w, whole.w, cut.w, samples()};
         result.missing = missing / static_cast<double>(samples()), result.hiddenLight = hidden.fraction;
+        result.lostLight = hidden.lost;
         return result;
     }
 };

@@ -196,6 +196,7 @@ void addCounts(const RenderStats& of, RenderStats& sum) {
     sum.mean = before * sum.mean + now * of.mean;
     sum.samples = before * sum.samples + now * of.samples;
     sum.hiddenLight = std::max(sum.hiddenLight, of.hiddenLight);
+    sum.lostLight = std::max(sum.lostLight, of.lostLight);
     sum.cancelled = sum.cancelled || of.cancelled;
 }
 

@@ -57,8 +57,8 @@ std::string keptText(double fraction);
 
 /// Says by how much a picture misses --error, by its RenderStats. Empty if it does not.
 std::string missingError(double asked, double reached, double unreached);
-/// A warning if paths find light by chance alone, by RenderStats::hiddenLight.
-std::optional<Diagnostic> hiddenLightWarning(const std::string& scene, double fraction);
+/// Warnings if paths find light by chance alone, or not at all: by RenderStats::hiddenLight and lostLight.
+std::vector<Diagnostic> hiddenLightWarnings(const std::string& scene, double hidden, double lost);
 
 /// Members ,"tessellation":… of a JSON object.
 std::string tessellationJson(const Flattener::Cuts& cuts);

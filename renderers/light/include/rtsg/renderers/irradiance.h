@@ -39,6 +39,8 @@ struct Irradiance {
     double missing = 0;
     /// RenderStats::hiddenLight. The intervals hold a bound for such light until enough samples have met it.
     double hiddenLight = 0;
+    /// The same share of the light of PointLights and SpotLights: how such surfaces gather or throw it on is left out.
+    double lostLight = 0;
     /// Whether `luminous` has reached the error. Darkness counts as reached only where nothing shines, or where nothing
     /// that faces the place sends any light on.
     bool reached = false;

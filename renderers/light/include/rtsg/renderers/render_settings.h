@@ -115,6 +115,8 @@ struct RenderStats {
     /// The share of the light of shining surfaces that meets clear or mirroring surfaces first, beyond which `path`
     /// finds it by chance alone. Only with RenderSettings::error.
     double hiddenLight = 0;
+    /// The same share of the light of PointLights and SpotLights: how such surfaces gather or throw it on is left out.
+    double lostLight = 0;
     /// The share of pixels that were taken from the previous picture (LightRenderer), since their content cannot have
     /// changed. Counts of rays are those that were traced; all other numbers are for the whole picture.
     double kept = 0;
