@@ -181,7 +181,7 @@ class PictureTrials {
         for (const ShotSettings& wanted :
              {ShotSettings{kWhitted, 1}, ShotSettings{kPath, 1}, ShotSettings{kWhitted, 4}, ShotSettings{kPath, 4},
               ShotSettings{kWhitted, 4, 1, true}, ShotSettings{kPath, 16, 1, false, true}, ShotSettings{kWhitted, 16},
-              ShotSettings{kPath, 64}}) {
+              ShotSettings{kPath, 64, 1, false, true}}) {
             if (wanted.integrator == kPath && wanted.samples > 2 * reference_) continue;
             if (auto ok = tryOne(wanted); !ok) return ok;
         }
@@ -204,7 +204,15 @@ class PictureTrials {
                     estimate.interval() / mean_};
         if (path) {
             addToPath(trial, wanted.samples, taken.cpu);
-            if (wanted.error) stats_ = taken.stats;
+            if (wanted.error) {
+                // The last two say how fast what --error asks for falls: light that few samples have met counts less
+                // and less.
+                if (stats_ && stats_->error > taken.stats.error && taken.stats.error > 0)
+                    powerOfError_ = std::clamp(
+                        std::log(stats_->error / taken.stats.error) / std::log(taken.stats.samples / stats_->samples),
+                        kIndependent, kFastest);
+                stats_ = taken.stats;
+            }
         } else if (wanted.samples == 1) {
             whittedOne_ = taken.cpu, secondaryRays_ = taken.stats.secondaryRays;
         }
@@ -293,7 +301,8 @@ class PictureTrials {
         }
         for (const double error : {.1, .05, .02}) {
             if (!stats_ || !(stats_->error > 0)) break;
-            const double samples = std::max(16.0, std::ceil(stats_->samples * std::pow(stats_->error / error, 2)));
+            const double samples =
+                std::max(kFirstLook, std::ceil(stats_->samples * std::pow(stats_->error / error, 1 / powerOfError_)));
             if (samples > kMaxByError) break;
             table_.trials.push_back({fmt::format("--integrator path --error {}", figure(error)),
                                      {path_.costOf(samples)},
@@ -407,7 +416,8 @@ class PictureTrials {
         plan.pictureError = best->error;
     }
 
-    static constexpr double kMaxSamples = 1 << 20, kMaxByError = 16384, kIndependent = .5, kEven = .75;
+    static constexpr double kMaxSamples = 1 << 20, kMaxByError = 16384, kIndependent = .5, kEven = .75, kFastest = 2;
+    static constexpr double kFirstLook = 8;  // samples, before which --error does not end a picture
 
     LightRenderer& light_;
     const AdviceOptions& options_;
@@ -416,7 +426,8 @@ class PictureTrials {
     AdviceTable table_;
     int width_ = 0, height_ = 0, wanted_ = 0, reference_ = 0, samplesOfPath_ = 0;
     Shot a_, b_;
-    std::optional<RenderStats> stats_;
+    std::optional<RenderStats> stats_;  // of the last trial with errors
+    double powerOfError_ = kIndependent;
     PathCost path_;
     std::uint64_t secondaryRays_ = 0;
     double mean_ = 0, lacks_ = 0, extra_ = 0, whittedOne_ = 0, pathOne_ = 0, lastError_ = 0;
