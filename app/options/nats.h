@@ -31,8 +31,6 @@ class Published {
     /// Without secrets; empty if nothing is published.
     std::string address() const { return publisher_ ? publisher_->address() : std::string(); }
     void printNews();
-    /// Invalid messages of mirrors.
-    std::uint64_t garbage() const { return publisher_ ? publisher_->statistics().garbage : 0; }
     /// True if something was not published and never will be.
     bool failed() const { return failed_; }
     /// Call it after the server's end, so that mirrors get its goodbye.

@@ -409,7 +409,7 @@ void Session::frame(std::uint64_t slot) {
     if (!health_.serves()) return;
     health_.noteFrame(Clock::now() - begun, running_.scene().sequence(), t);
     if (feeds_->any()) health_.noteFeeds(feeds_->counts());
-    health_.noteServer(*server_, published_.garbage());
+    health_.noteServer(*server_);
     health_.noteLog(log_.bytes());
 }
 std::uint64_t Session::slotNow() const {
@@ -463,8 +463,7 @@ int Session::close() {
     running_.reportDiagnostics(log_.failure());
     // Mirrors that are behind, say because of a picture, may still catch up.
     if (!interrupted() && !server_->drain(linger_)) say("not all mirrors have caught up", Severity::warning);
-    MirrorServerStatistics statistics = server_->statistics();
-    statistics.garbage += published_.garbage();
+    const MirrorServerStatistics statistics = server_->statistics();
     printServerNews(*server_);
     feeds_->end();
     counted_ = feeds_->json();
@@ -508,8 +507,6 @@ int serve(ServeArguments options, const std::vector<std::string>& given) {
     options.web.check();
     options.feeds.check(options.scene, false);
     if (!options.nats.empty()) checkNatsAddress("--nats", options.nats);
-    if (!options.nats.empty() && options.coding != nameOf(Coding::raw))
-        throw UsageError("--coding", "cannot be combined with --nats: a mirror that joins could not decode it");
     resumeIfThere(options);
     options.shown = shownLog(options.resume.empty() ? options.scene : options.resume);
     PassingFolder fetched;

@@ -18,7 +18,7 @@
 #include <boost/beast/websocket.hpp>
 #include <boost/beast/websocket/ssl.hpp>
 
-#include "gateway.h"
+#include "door.h"
 
 namespace rtsg::web {
 

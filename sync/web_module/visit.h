@@ -1,7 +1,7 @@
-// Visit: one HTTP connection that loads files of the page, one after the other, until it asks for a WebSocket.
+// Visit: one HTTP connection, whose requests are answered one after the other, until one asks for a WebSocket.
 //
 // Invariant: a request has at most kLongestHead bytes and almost no body.
-// Threading: the gateway's thread.
+// Threading: the door's thread.
 #pragma once
 
 #include <chrono>
@@ -10,15 +10,21 @@
 
 #include <boost/beast/core.hpp>
 
-#include "gateway.h"
+#include "door.h"
 #include "stream.h"
 
 namespace rtsg::web {
 
+using Response = http::response<http::string_body>;
+
+/// The address for which a connection counts. For IPv6 the first half, because one customer has all addresses of the
+/// other half.
+std::string sourceOf(const Tcp::socket& socket);
+
 class Visit : public std::enable_shared_from_this<Visit> {
   public:
-    Visit(Gateway& gateway, Tcp::socket&& socket);
-    ~Visit() { gateway_.went(this); }
+    Visit(Door& door, Tcp::socket&& socket);
+    ~Visit() { door_.went(this); }
     /// The event that the connection waits for.
     enum class State : std::uint8_t {
         silent,  // its first request
@@ -33,26 +39,32 @@ class Visit : public std::enable_shared_from_this<Visit> {
     void end();
     /// Does the TLS handshake, if any, then reads.
     void begin();
-    void read();
-    /// Sends the file that was asked for. With `type` empty there is none.
+
+    // Answers, one to each request.
+    void say(Response response);
+    /// A line of text, after which the connection ends.
+    void refuse(http::status status, std::string why);
+    /// The answer comes from another thread, or the request times out.
+    void wait();
+    /// What was waited for. With `type` empty there is no such file.
     void show(std::string bytes, const std::string& type);
+    /// The connection becomes a WebSocket.
+    Stream&& release();
+    unsigned version() const { return version_; }
 
   private:
-    void answer(Request request);
-    bool wish(const Request& request);
-    void say(http::response<http::string_body> response);
+    void read();
+    void failed(beast::error_code error);
 
-    void refuse(beast::error_code error);
-
-    Gateway& gateway_;
+    Door& door_;
     const std::string source_;
     State state_ = State::silent;
     std::chrono::steady_clock::time_point since_ = std::chrono::steady_clock::now();
     Stream stream_;
     beast::flat_buffer buffer_;
     std::optional<http::request_parser<http::string_body>> parser_;
-    http::response<http::string_body> response_;
-    net::steady_timer waiting_;  // for the scene's thread
+    Response response_;
+    net::steady_timer waiting_;  // for another thread
     bool keepAlive_ = false;
     unsigned version_ = 11;
 };

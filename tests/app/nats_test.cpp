@@ -42,6 +42,19 @@ TEST_F(NatsOption, AServedSceneIsFollowedWithItsPasswordUnsaid) {
         EXPECT_THAT(*text, Not(HasSubstr("sesame")));
 }
 
+/// Who joins through NATS could not decode what refers to earlier frames.
+TEST_F(NatsOption, WithACodingMirrorsByNatsGetRawFrames) {
+    NatsServer nats;
+    Program server({"serve", file, "--nats", nats.address(), "--coding", "smallest", "--json", "--for", "60s"},
+                   streams());
+    const std::string direct = json::parse(server.firstLine()).at("endpoint");
+    for (const std::string& address : {direct, nats.address(), nats.address()}) {
+        const Outcome mirror = rtsg({"mirror", address, "--for", "1s", "--json"});
+        EXPECT_EQ(mirror.status, 0) << mirror.err;
+        EXPECT_TRUE(json::parse(lastLine(mirror.out)).at("equal"));
+    }
+}
+
 /// The window opens the address in the same way as mirrors do.
 TEST_F(NatsOption, AWindowFollowsToo) {
     NatsServer nats;
@@ -89,7 +102,6 @@ TEST_F(NatsOption, WhatCannotBeIsRefused) {
     };
     said(2, "ends with /NAME", {"mirror", "nats://127.0.0.1:4222"});
     said(2, "ends with /NAME", {"serve", file, "--nats", "nats://127.0.0.1:4222/a.b"});
-    said(2, "--coding", {"serve", file, "--nats", nats.address(), "--coding", "compact"});
     said(2, "--key", {"mirror", nats.address(), "--key", file});
     said(1, "no connection to the NATS server", {"serve", file, "--nats", "nats://127.0.0.1:1/hall", "--for", "1s"});
     said(1, "need ZeroMQ", {"mirror", nats.address(), "--part", "BOX"});

@@ -21,6 +21,8 @@ struct Packet {
 
 /// `out` becomes the length of the first part (u32), that part, and the second one.
 void pack(ByteBuffer& out, std::span<const std::byte> first, std::span<const std::byte> second = {});
+/// The parts of a message of any type. Nothing if it is no packet.
+std::optional<Packet> split(std::string_view bytes);
 /// Nothing if it is no packet with a message of this protocol.
 std::optional<Packet> unpack(std::string_view bytes);
 
@@ -35,18 +37,5 @@ std::optional<Foreign> foreign(std::string_view bytes);
 std::uint64_t sessionOf(std::span<const std::byte> first);
 /// `out` becomes the message with another session. Precondition: it has one.
 void withSession(ByteBuffer& out, std::span<const std::byte> first, std::uint64_t session);
-
-/// Puts a record together from the parts of data messages.
-class RecordParts {
-  public:
-    enum class Step : std::uint8_t { more, complete, misfit };
-    Step add(std::uint64_t size, std::uint64_t offset, std::span<const std::byte> part);
-    ByteBuffer& bytes() { return bytes_; }
-    void clear() { bytes_.clear(); }
-
-  private:
-    ByteBuffer bytes_;
-    std::uint64_t size_ = 0;
-};
 
 }  // namespace rtsg::nats

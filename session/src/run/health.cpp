@@ -30,10 +30,9 @@ void Health::noteFrame(std::chrono::nanoseconds took, std::uint64_t state, doubl
     time_ = time;
 }
 
-void Health::noteServer(const MirrorServer& server, std::uint64_t garbage) {
+void Health::noteServer(const MirrorServer& server) {
     if (!server_) return;
-    MirrorServerStatistics statistics = server.statistics();
-    statistics.garbage += garbage;
+    const MirrorServerStatistics statistics = server.statistics();
     const std::scoped_lock lock(mutex_);
     peers_ = statistics;
     noteRound();

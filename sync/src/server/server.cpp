@@ -8,8 +8,6 @@
 
 #include <fmt/format.h>
 #include <poll.h>
-#include <sys/eventfd.h>
-#include <unistd.h>
 
 #include <rtsg/core/frame_input.h>
 #include <rtsg/sync/input_codec.h>
@@ -27,11 +25,6 @@ constexpr auto kLongestWaitForLog = std::chrono::hours(24);
 
 }  // namespace
 
-MirrorServer::Shared::~Shared() {
-    for (const int descriptor : {wake, call})
-        if (descriptor >= 0) ::close(descriptor);
-}
-
 void MirrorServer::Shared::post(Item item) {
     {
         const std::scoped_lock lock(mutex);
@@ -39,13 +32,6 @@ void MirrorServer::Shared::post(Item item) {
         inbox.push_back(std::move(item));
     }
     awaken();
-}
-
-void MirrorServer::Shared::awaken() const {
-    ::eventfd_write(wake, 1);
-}
-void MirrorServer::Shared::callScene() const {
-    ::eventfd_write(call, 1);
 }
 
 void MirrorServer::Shared::answer(mirror::Verdict verdict) {
@@ -99,7 +85,6 @@ Result<std::unique_ptr<MirrorServer>> MirrorServer::start(Scene& scene, const st
     auto shared = std::make_shared<Shared>();
     const auto before = std::exchange(options.before, {});
     shared->options = std::move(options);
-    for (int* descriptor : {&shared->wake, &shared->call}) *descriptor = ::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
     std::random_device device;
     const std::uint64_t fresh = std::uint64_t{device()} << 32 | device();
     shared->epoch = shared->options.epoch ? shared->options.epoch : fresh;
@@ -224,8 +209,7 @@ Result<> MirrorServer::apply(const Scene& scene, const ChangeSet& changes) {
 
 void MirrorServer::service() {
     if (shared_->clock().isStepped()) io_->step();
-    eventfd_t calls = 0;
-    (void)::eventfd_read(shared_->call, &calls);
+    shared_->call.clear();
     std::vector<mirror::Submission> submissions;
     std::vector<Shared::Control> controls;
     std::vector<std::uint64_t> left;
@@ -273,12 +257,12 @@ void MirrorServer::service() {
 }
 
 void MirrorServer::wait(std::chrono::steady_clock::time_point until) {
-    pollfd item = {shared_->call, POLLIN, 0};
+    pollfd item = {shared_->call.get(), POLLIN, 0};
     (void)shared_->clock().wait({&item, 1}, std::max(until - shared_->clock().now(), Clock::duration::zero()));
 }
 
 int MirrorServer::callDescriptor() const {
-    return shared_->call;
+    return shared_->call.get();
 }
 
 void MirrorServer::notify(std::vector<mirror::Verdict> verdicts) {

@@ -10,8 +10,6 @@
 #include <stdexcept>
 
 #include <fmt/format.h>
-#include <pthread.h>
-#include <unistd.h>
 
 #include "sockets/rare_warning.h"
 
@@ -50,16 +48,14 @@ MirrorServer::Io::Io(std::shared_ptr<Shared> shared)
       merges_(shared_->pool) {}
 
 MirrorServer::Io::~Io() {
-    shared_->stop = true;
-    shared_->awaken();
-    if (thread_.joinable()) thread_.join();
+    worker_.stop();
     if (clock_.isStepped() && !listeners_.empty()) guard([this] { sayGoodbye(); });
 }
 
 Result<> MirrorServer::Io::start(const std::string& endpoint) {
     const MirrorServerOptions& options = shared_->options;
-    auto listener =
-        options.transport->listen(endpoint, {options.keys ? &*options.keys : nullptr, kLongestIncoming, shared_->wake});
+    auto listener = options.transport->listen(
+        endpoint, {options.keys ? &*options.keys : nullptr, kLongestIncoming, shared_->wake.get()});
     if (!listener) return std::unexpected(listener.error());
     if (options.keys && !options.keyFile.empty()) keyFile_.begin(options.keyFile);
     listeners_.push_back(std::move(*listener));
@@ -74,7 +70,7 @@ Result<> MirrorServer::Io::start(const std::string& endpoint) {
         }
         if (log) log->giveSnapshot(state, std::move(snapshot));
     });
-    if (!clock_.isStepped()) thread_ = std::thread([this] { run(); });
+    if (!clock_.isStepped()) worker_.run([this] { run(); }, [this] { shared_->awaken(); });
     return {};
 }
 
@@ -92,13 +88,13 @@ void MirrorServer::Io::restart() {
     encodeHead(shared_->epoch, shared_->options.creator, builtinTypes(), shared_->options.mode, head_);
     mirror::begin(message_, Message::unknown);
     for (const auto& [identity, peer] : peers_) sendTo(identity, message_);
-    peers_.clear();
+    std::erase_if(peers_, [](const auto& p) { return !p.second.audience; });
+    for (auto& [identity, peer] : peers_) openAudience(static_cast<unsigned char>(identity[0]));
 }
 
 void MirrorServer::Io::run() {
-    ::pthread_setname_np(::pthread_self(), "rtsg mirror");
     guard([this] {
-        while (!shared_->stop) {
+        while (!worker_.stops()) {
             gather();
             wait(patience());
             poll();
@@ -142,7 +138,7 @@ void MirrorServer::Io::giveUp(const char* why) {
 void MirrorServer::Io::gather() {
     const auto left = turned_ + kGather - clock_.now();
     if (peers_.size() > kFewPeers && !news_ && left > 0ns) {
-        pollfd item = {shared_->wake, POLLIN, 0};
+        pollfd item = {shared_->wake.get(), POLLIN, 0};
         (void)clock_.wait({&item, 1}, left);
     }
     turned_ = clock_.now();
@@ -155,14 +151,13 @@ Listener::Items MirrorServer::Io::itemsOf(std::size_t listener) {
 /// Sleeps until something comes or is due.
 void MirrorServer::Io::wait(Clock::duration maximum) {
     items_.resize(2 + listeners_.size() * Listener::kDescriptors);
-    items_[0] = {shared_->wake, POLLIN, 0};
+    items_[0] = {shared_->wake.get(), POLLIN, 0};
     items_[1] = {keyFile_.descriptor(), POLLIN, 0};
     const bool busy = isBusy_ && clock_.now() - newsAt_ < kUntilRest;
     for (std::size_t i = 0; i < listeners_.size(); ++i)
         maximum = std::min(maximum, listeners_[i]->prepare(itemsOf(i), busy));
     if (clock_.wait(items_, maximum) < 0 && errno != EINTR) throw std::runtime_error(std::strerror(errno));
-    std::uint64_t count = 0;
-    if (items_[0].revents) (void)!::read(shared_->wake, &count, sizeof(count));
+    if (items_[0].revents) shared_->wake.clear();
 }
 
 void MirrorServer::Io::poll() {
@@ -213,7 +208,9 @@ void MirrorServer::Io::pumpHeard(Clock::time_point now) {
 
 Clock::time_point MirrorServer::Io::dueFor(const Peer& peer, Clock::time_point now) const {
     Clock::time_point due = Clock::time_point::max();
-    if (!peer.placed) due = now + 20ms;
+    if (!peer.placed && !peer.audience) due = now + 20ms;
+    if (peer.audience && peer.placed && (peer.audience->stateWanted || !peer.audience->questions.empty()))
+        due = now + 10ms;
     if (const auto wait = peer.pace.wait(now); wait.count() > 0) due = std::min(due, now + wait);
     if (peer.interval.count() > 0 && peer.placed && peer.state != historyOf(peer).newest())
         due = std::min(due, peer.due);
@@ -235,7 +232,8 @@ std::chrono::milliseconds MirrorServer::Io::untilTick(Clock::time_point now) con
     if (peers_.size() > kFewPeers) return options.heartbeat / 2;
     Clock::time_point due = now + kLongestSleep;
     for (const auto& [identity, peer] : peers_)
-        due = std::min({due, peer.spoken + options.heartbeat, peer.heard + options.peerTimeout});
+        due = std::min({due, peer.spoken + options.heartbeat,
+                        peer.audience ? Clock::time_point::max() : peer.heard + options.peerTimeout});
     return std::chrono::ceil<std::chrono::milliseconds>(due - now);
 }
 
@@ -295,6 +293,11 @@ void MirrorServer::Io::takeInbox() {
         for (std::unique_ptr<Listener>& more : std::exchange(shared_->listeners, {})) {
             listeners_.push_back(std::move(more));
             items_.resize(2 + listeners_.size() * Listener::kDescriptors);
+            if (listeners_.back()->broadcasts() == 0) continue;
+            openAudience(listeners_.size() - 1);
+            // Whoever followed another run of the scene has to join this one.
+            mirror::begin(message_, Message::unknown);
+            sendTo(std::string(1, static_cast<char>(listeners_.size() - 1)), message_);
         }
         items.swap(shared_->inbox);
         verdicts.swap(shared_->verdicts);
@@ -317,7 +320,8 @@ void MirrorServer::Io::takeInbox() {
         ++statistics_.requests;
         ledger_.answer(verdict);
         for (auto& [identity, peer] : peers_)
-            if (peer.client == verdict.client) peer.verdicts.push_back(verdict);
+            if (const Asker* asker = askerIn(peer, verdict.client))
+                peer.verdicts.push_back({asker->identity, asker->session, verdict});
     }
 }
 
@@ -500,7 +504,8 @@ void MirrorServer::Io::tick(Clock::time_point now) {
     }
     for (auto p = peers_.begin(); p != peers_.end();) {
         Peer& peer = p->second;
-        bool gone = now - peer.heard > shared_->options.peerTimeout;
+        if (peer.audience) forgetSilent(peer, now);
+        bool gone = !peer.audience && now - peer.heard > shared_->options.peerTimeout;
         if (gone) {
             ++statistics_.lost;
             shared_->report(Severity::note, fmt::format("peer '{}' was silent for too long", peer.author));
@@ -517,7 +522,11 @@ void MirrorServer::Io::tick(Clock::time_point now) {
 void MirrorServer::Io::noticeWhoLeft() {
     if (submitters_.empty()) return;
     std::set<std::uint64_t> here;
-    for (const auto& [identity, peer] : peers_) here.insert(peer.client);
+    for (const auto& [identity, peer] : peers_) {
+        here.insert(peer.client);
+        if (peer.audience)
+            for (const auto& [client, member] : peer.audience->clients) here.insert(client);
+    }
     const std::scoped_lock lock(shared_->mutex);
     const auto gone = std::erase_if(submitters_, [&](std::uint64_t client) {
         if (here.contains(client)) return false;
@@ -569,8 +578,9 @@ void MirrorServer::Io::publishStatistics() {
         }
         heldUp |= peer.whenSlow == MirrorWhenSlow::block && behind(peer);
     }
-    shared_->wantPredicted = std::ranges::any_of(
-        peers_, [](const auto& p) { return p.second.part == 0 && !p.second.inputs && p.second.interval.count() == 0; });
+    shared_->wantPredicted = std::ranges::any_of(peers_, [](const auto& p) {
+        return p.second.part == 0 && !p.second.inputs && p.second.interval.count() == 0 && !p.second.audience;
+    });
     const std::scoped_lock lock(shared_->mutex);
     shared_->statistics = statistics_;
     shared_->heldUp = heldUp_ = heldUp;

@@ -14,11 +14,12 @@
 #include <optional>
 #include <set>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include <poll.h>
 
+#include <rtsg/core/descriptor.h>
+#include <rtsg/core/worker.h>
 #include <rtsg/sync/mirror_server.h>
 #include <rtsg/sync/record_log.h>
 
@@ -52,7 +53,7 @@ struct MirrorServer::Shared {
     MirrorServerOptions options;
     std::string endpoint;
     std::shared_ptr<RecordPool> pool = std::make_shared<RecordPool>();
-    std::atomic<bool> wantSnapshot{false}, wantRunState{false}, stop{false};
+    std::atomic<bool> wantSnapshot{false}, wantRunState{false};
     std::atomic<bool> wantAcknowledged{false};  // somebody waits for acknowledgements
     std::atomic<bool> wantPredicted{false};     // some peer takes predicted values
     std::atomic<std::uint64_t> coded{0};
@@ -60,8 +61,8 @@ struct MirrorServer::Shared {
     std::atomic<std::uint64_t> epoch{0};
     std::atomic<bool> originLost{false};         // at a relay
     std::atomic<std::uint64_t> originMissed{0};  // times that a relay missed states
-    int wake = -1;                               // eventfd of the sockets' thread
-    int call = -1;                               // eventfd of the scene's thread: service() has something to do
+    Wakeup wake;                                 // of the sockets' thread
+    Wakeup call;                                 // of the scene's thread: service() has something to do
 
     Clock& clock() const { return options.transport->clock(); }
 
@@ -81,12 +82,11 @@ struct MirrorServer::Shared {
     std::vector<Diagnostic> diagnostics;
     char failure[160] = {};  // a thread's exception, after which nobody is served; there may be no memory for a string
 
-    ~Shared();
     Result<> result();
     void post(Item item);
     std::shared_ptr<RecordLog> log;
-    void awaken() const;
-    void callScene() const;
+    void awaken() const { wake.raise(); }
+    void callScene() const { call.raise(); }
     void answer(mirror::Verdict verdict);
     void report(Severity severity, std::string text);
 };
@@ -101,10 +101,44 @@ class MirrorServer::Io {
     void step();
 
   private:
-    struct Peer {
-        std::string identity, name, author;
+    /// Whoever asks something.
+    struct Asker {
+        std::string identity, author;
         std::string user;  // its public key; empty without keys
-        std::uint64_t session = 0, window = 0;
+        std::uint64_t session = 0;
+        std::uint64_t client = 0;  // its name in all its connections
+        MirrorUpstream upstream = MirrorUpstream::none;
+        bool sameTypes = false;  // its types are ours
+        bool noTypes = false;    // it takes our types as they are described
+        Clock::time_point heard;
+        mirror::Assembly submission;
+    };
+    /// A verdict, and whom it is for.
+    struct Judged {
+        std::string to;
+        std::uint64_t session = 0;
+        mirror::Verdict verdict;
+    };
+    /// Peers of one listener that broadcasts. They read the same records, as if they were one peer, which asks one
+    /// question at a time for all of them.
+    struct Audience {
+        struct Question {
+            std::string asker;
+            std::uint64_t session = 0;
+            std::vector<std::byte> text;
+        };
+        std::map<std::string, Asker, std::less<>> members;
+        std::map<std::uint64_t, std::string> clients;  // the newest member of each
+        std::deque<Question> questions;                // the first one has been asked while the peer is asking
+        std::vector<std::pair<std::string, std::uint64_t>> resuming;  // members, and the states they are in
+        bool stateWanted = false;                                     // by members without a state of ours
+        double allowance = 0;                                         // bytes of answers to hellos
+        Clock::time_point allowed{}, stateSent{}, pruned{};
+    };
+    struct Peer : Asker {
+        std::uint64_t window = 0;
+        std::unique_ptr<Audience> audience;  // it stands for these
+        std::size_t longest = SIZE_MAX;      // bytes of a part
         MirrorPace pace;
         std::uint64_t sentBytes = 0, ackedBytes = 0, ackedState = 0;
         std::uint64_t awaitedBytes = 0;  // the part of sentBytes whose acknowledgement was asked for
@@ -120,20 +154,18 @@ class MirrorServer::Io {
         bool remembers = false;   // has all predicted frames since the last kForget
         std::uint64_t state = 0;  // its state once everything sent has arrived
         SharedRecord sending;     // a record that is partly sent
-        bool inputs = false;      // wants inputs
-        bool running = false;     // has the run state, so it can go on with inputs
-        SharedRecord then;        // to be sent next, before anything else
-        std::size_t sent = 0;     // bytes of `sending` that were sent
-        Clock::time_point heard, spoken, waitingSince{};
+        std::string to;           // where it goes,
+        std::uint64_t toSession = 0;
+        bool inputs = false;   // wants inputs
+        bool running = false;  // has the run state, so it can go on with inputs
+        SharedRecord then;     // to be sent next, before anything else
+        std::size_t sent = 0;  // bytes of `sending` that were sent
+        Clock::time_point spoken, waitingSince{};
         MirrorWhenSlow whenSlow = MirrorWhenSlow::coalesce;
         Clock::duration interval{};  // least time between frames
         Clock::time_point due{};
         Clock::time_point behindSince{};
-        std::uint64_t client = 0;  // its name in all its connections
-        std::uint32_t part = 0;    // the number of the stream it follows
-        MirrorUpstream upstream = MirrorUpstream::none;
-        bool sameTypes = false;  // its types are ours
-        bool noTypes = false;    // it takes our types as they are described
+        std::uint32_t part = 0;  // the number of the stream it follows
         // A question to the shadow. Nothing is sent until the answer is there; then frames are sent up to the answer's
         // state.
         bool asking = false;
@@ -142,8 +174,7 @@ class MirrorServer::Io {
         std::optional<MirrorShadow::Answer> after;  // an answer that waits for merged frames up to its state
         double allowance = 0;                       // questions that it may ask
         Clock::time_point allowed{};
-        mirror::Assembly submission;
-        std::deque<mirror::Verdict> verdicts;  // their requests' frames have not been sent yet
+        std::deque<Judged> verdicts;  // their requests' frames have not been sent yet
     };
     using Peers = std::map<std::string, Peer, std::less<>>;
     /// A stream that peers follow: the scene, or a part of it.
@@ -181,18 +212,35 @@ class MirrorServer::Io {
     void receiveAll();
     void handle(const std::string& identity, std::span<const std::byte> bytes, std::span<const std::byte> body,
                 const std::string& user);
-    void handleOf(Peer& peer, mirror::Message type, wire::Reader& in, std::span<const std::byte> bytes,
+    void handleOf(Peer& peer, Asker& asker, mirror::Message type, wire::Reader& in, std::span<const std::byte> bytes,
                   std::span<const std::byte> body);
     void hello(const std::string& identity, const mirror::Hello& hello, const std::string& user);
+    /// `by`: the audience to which it belongs.
+    void introduce(Asker& asker, const std::string& identity, const mirror::Hello& hello, const std::string& user,
+                   const std::string& by = {});
+    /// Returns false if the connection is gone.
+    bool welcome(const std::string& to, std::uint64_t session, std::uint64_t epoch, std::uint64_t newest);
+    // Of those who read what a listener broadcasts.
+    void openAudience(std::size_t listener);
+    Peer* audienceOf(const std::string& identity);
+    void join(Peer& all, const std::string& identity, const mirror::Hello& hello, const std::string& user);
+    void leave(Peer& all, const std::string& identity);
+    void forgetSilent(Peer& all, Clock::time_point now);
+    static Asker* askerIn(Peer& peer, std::uint64_t client);
+    void askNext(Peer& all);
+    static bool addressAnswer(Peer& all, bool merged);
+    void answerJoiners(Peer& all);
+    void sendState(Peer& all, const std::string& to, std::uint64_t from, const SharedRecord& keyframe);
     void noteHeard(const std::string& identity);
-    std::string authorOf(const mirror::Hello& hello, const std::string& user) const;
+    std::string authorOf(const mirror::Hello& hello, const std::string& user, const std::string& by) const;
     void refuseVersion(const std::string& identity, std::uint8_t version);
     void takeKeys();
     bool isListed(const std::string& user) const;
     MirrorUpstream upstreamOf(const std::string& user) const;
+    bool mayAsk(Peer& peer);
     void question(Peer& peer, std::span<const std::byte> bytes);
-    void submission(Peer& peer, wire::Reader& in, std::span<const std::byte> body);
-    void control(Peer& peer, wire::Reader& in);
+    void submission(Peer& peer, Asker& asker, wire::Reader& in, std::span<const std::byte> body);
+    void control(const Asker& asker, wire::Reader& in);
     void reply(const Shared::Control& control);
     void restart();
     void tick(Clock::time_point now);
@@ -271,6 +319,7 @@ class MirrorServer::Io {
     mirror::RequestLedger ledger_;
     std::set<std::uint64_t> submitters_;  // connected clients that sent requests
     Peers peers_;
+    static constexpr const char* kNotListed = "its key is no longer on the list";
     bool reportedLost_ = false;       // what peers were told about the origin
     bool leaving_ = false;            // at the end: only what peers have read, and their goodbyes, count
     bool news_ = true;                // something came for all peers: frames, answers, verdicts
@@ -288,7 +337,7 @@ class MirrorServer::Io {
     Clock::time_point forgetAsked_{};
     std::string noRegions_;             // why regions were refused when last tried
     Clock::time_point regionsAgain_{};  // regions are not tried again before
-    std::thread thread_;
+    Worker worker_{"rtsg mirror"};      // last: its job uses the others
 };
 
 }  // namespace rtsg

@@ -1,5 +1,6 @@
 // The messages of a mirror server to each peer: the order of records, credit, answers and requests.
 #include <algorithm>
+#include <concepts>
 
 #include <fmt/format.h>
 
@@ -29,7 +30,7 @@ constexpr auto kForgetEvery = 250ms;        // while some peers cannot read pred
 constexpr std::size_t kMaxMerged = 20000;   // frames
 constexpr std::size_t kMaxControls = 16;    // that wait for the scene, of all peers
 constexpr std::size_t kMaxVerdicts = 1000;  // that wait for their frame
-constexpr const char* kNotListed = "its key is no longer on the list";
+constexpr std::size_t kMaxWaitingQuestions = 64;  // of an audience
 
 }  // namespace
 
@@ -43,26 +44,37 @@ void MirrorServer::Io::handle(const std::string& identity, std::span<const std::
     if (!type) return garbage(fmt::format("a message of {} bytes that is none of this protocol", bytes.size()));
     // A peer that comes now learns by the silence that nobody is there.
     if (leaving_ && *type != Message::bye && (*type != Message::ack || !peers_.contains(identity))) return;
+    Peer* const all = audienceOf(identity);
     if (*type == Message::hello) {
         mirror::Hello greeting;
         if (!greeting.read(in)) return garbage("a malformed hello");
-        hello(identity, greeting, user);
-        return noteHeard(identity);
+        if (all)
+            join(*all, identity, greeting, user);
+        else
+            hello(identity, greeting, user);
+        return noteHeard(all ? all->identity : identity);
     }
     if (*type < Message::ack || *type > Message::control)
         return garbage(fmt::format("a message of unknown type {}", static_cast<unsigned>(*type)));
     const auto found = peers_.find(identity);
     if (*type == Message::bye) {
-        if (found != peers_.end()) peers_.erase(found);
+        if (found != peers_.end())
+            peers_.erase(found);
+        else if (all)
+            leave(*all, identity);
         return;
     }
-    if (found == peers_.end()) {
+    Asker* asker = found != peers_.end() ? &found->second : nullptr;
+    if (!asker && all)
+        if (const auto member = all->audience->members.find(identity); member != all->audience->members.end())
+            asker = &member->second;
+    if (!asker) {
         mirror::begin(message_, Message::unknown);
         sendTo(identity, message_);
         return;
     }
-    handleOf(found->second, *type, in, bytes, body);
-    noteHeard(identity);
+    handleOf(all ? *all : found->second, *asker, *type, in, bytes, body);
+    noteHeard(all ? all->identity : identity);
 }
 
 /// Notes a peer once for all its consecutive messages.
@@ -70,10 +82,12 @@ void MirrorServer::Io::noteHeard(const std::string& identity) {
     if (heard_.empty() || heard_.back() != identity) heard_.push_back(identity);
 }
 
-void MirrorServer::Io::handleOf(Peer& peer, Message type, wire::Reader& in, std::span<const std::byte> bytes,
-                                std::span<const std::byte> body) {
+/// `peer` is the asker, or stands for an audience with the asker in it.
+void MirrorServer::Io::handleOf(Peer& peer, Asker& asker, Message type, wire::Reader& in,
+                                std::span<const std::byte> bytes, std::span<const std::byte> body) {
     switch (type) {
         case Message::ack: {
+            if (&asker != &peer) return garbage("an acknowledgement of a broadcast");
             std::uint64_t numbers[3];  // session, sequence, bytes
             if (!mirror::read(in, numbers)) return garbage("a malformed acknowledgement");
             if (numbers[0] != peer.session) return;  // sent before its last hello
@@ -83,7 +97,8 @@ void MirrorServer::Io::handleOf(Peer& peer, Message type, wire::Reader& in, std:
             peer.ackedBytes = numbers[2];
             peer.awaitedAt = clock_.now();  // a peer that acknowledges by itself need not be asked
             peer.pace.acknowledged(numbers[2], peer.awaitedAt);
-            peer.ackedState = numbers[1];
+            // What an audience's joiners get is older than what it has.
+            peer.ackedState = peer.audience ? std::max(peer.ackedState, numbers[1]) : numbers[1];
             break;
         }
         case Message::ping: {
@@ -91,24 +106,28 @@ void MirrorServer::Io::handleOf(Peer& peer, Message type, wire::Reader& in, std:
             if (!mirror::read(in, token)) return garbage("a malformed ping");
             const std::uint64_t answer[] = {token[0], clock_.nanoseconds()};
             mirror::write(message_, Message::pong, answer);
-            sendTo(peer.identity, message_);
+            sendTo(asker.identity, message_);
             break;
         }
         case Message::doubt:
         case Message::inspect:
         case Message::want:
-            if (in.number<std::uint64_t>() == peer.session) question(peer, bytes);
+            if (in.number<std::uint64_t>() != asker.session) break;
+            if (&asker == &peer)
+                question(peer, bytes);
+            else if (auto& questions = peer.audience->questions; questions.size() < kMaxWaitingQuestions)
+                questions.push_back({asker.identity, asker.session, {bytes.begin(), bytes.end()}});
             break;
         case Message::submit:
-            submission(peer, in, body);
+            submission(peer, asker, in, body);
             break;
         case Message::control:
-            control(peer, in);
+            control(asker, in);
             break;
         default:
             break;
     }
-    peer.heard = clock_.now();
+    asker.heard = clock_.now();
 }
 
 /// Also sent to a peer that must join anew, as after a seek, because it said hello by the same connection.
@@ -117,17 +136,17 @@ void MirrorServer::Io::reply(const Shared::Control& control) {
     sendTo(control.peer, message_);
 }
 
-void MirrorServer::Io::control(Peer& peer, wire::Reader& in) {
+void MirrorServer::Io::control(const Asker& asker, wire::Reader& in) {
     mirror::Words command;
     if (!command.readControl(in)) return garbage("a malformed control");
-    if (command.session != peer.session) return;
-    if (peer.upstream == MirrorUpstream::none)
-        return reply({peer.identity, command.session, "refused: this server takes no requests"});
+    if (command.session != asker.session) return;
+    if (asker.upstream == MirrorUpstream::none)
+        return reply({asker.identity, command.session, "refused: this server takes no requests"});
     const std::scoped_lock lock(shared_->mutex);
     // A seek may cost every peer a snapshot. No more seeks are taken than a frame has time for.
     if (shared_->controls.size() >= kMaxControls)
-        return reply({peer.identity, command.session, "refused: too many commands wait"});
-    shared_->controls.push_back({peer.identity, command.session, std::move(command.text)});
+        return reply({asker.identity, command.session, "refused: too many commands wait"});
+    shared_->controls.push_back({asker.identity, command.session, std::move(command.text)});
     shared_->callScene();
 }
 
@@ -167,9 +186,17 @@ void MirrorServer::Io::takeKeys() {
     options.keys->names = std::move(fresh->names);
     shared_->report(Severity::note, fmt::format("{}: {} clients are on the list", options.keyFile.string(),
                                                 options.keys->clientPublic.size()));
-    for (auto& [identity, peer] : peers_) peer.upstream = upstreamOf(peer.user);
-    std::erase_if(peers_,
-                  [&](const auto& p) { return !isListed(p.second.user) && (refuse(p.first, kNotListed, true), true); });
+    const auto judge = [&](auto& askers) {
+        for (auto& [identity, asker] : askers) asker.upstream = upstreamOf(asker.user);
+        std::erase_if(askers, [&](const auto& a) {
+            if constexpr (std::same_as<std::decay_t<decltype(a.second)>, Peer>)
+                if (a.second.audience) return false;
+            return !isListed(a.second.user) && (refuse(a.first, kNotListed, true), true);
+        });
+    };
+    for (auto& [identity, peer] : peers_)
+        if (peer.audience) judge(peer.audience->members);
+    judge(peers_);
 }
 
 bool MirrorServer::Io::isListed(const std::string& user) const {
@@ -208,12 +235,30 @@ std::optional<std::uint32_t> MirrorServer::Io::streamFor(const mirror::Hello& he
     return part;
 }
 
-/// The name of the peer's key in the key file, else the name it gives itself.
-std::string MirrorServer::Io::authorOf(const mirror::Hello& hello, const std::string& user) const {
+/// The name of the peer's key in the key file, else the name it gives itself; in an audience both, or its name behind
+/// the audience's.
+std::string MirrorServer::Io::authorOf(const mirror::Hello& hello, const std::string& user,
+                                       const std::string& by) const {
+    const std::string name = hello.name.empty() ? fmt::format("peer-{:04x}", hello.wishes.client & 0xFFFF) : hello.name;
+    std::string known = by;
     if (shared_->options.keys)
         if (const auto own = shared_->options.keys->names.find(user); own != shared_->options.keys->names.end())
-            return own->second;
-    return hello.name.empty() ? fmt::format("peer-{:04x}", hello.wishes.client & 0xFFFF) : hello.name;
+            known = own->second;
+    if (by.empty()) return known.empty() ? name : known;
+    return known + "/" + name;
+}
+
+void MirrorServer::Io::introduce(Asker& asker, const std::string& identity, const mirror::Hello& hello,
+                                 const std::string& user, const std::string& by) {
+    asker.identity = identity;
+    asker.user = user;
+    asker.author = authorOf(hello, user, by);
+    asker.session = hello.session;
+    asker.client = hello.wishes.client;
+    asker.upstream = upstreamOf(user);
+    asker.sameTypes = hello.dictionaryHash == dictionaryHash_;
+    asker.noTypes = hello.dictionaryHash == 0;
+    asker.heard = clock_.now();
 }
 
 void MirrorServer::Io::hello(const std::string& identity, const mirror::Hello& hello, const std::string& user) {
@@ -241,38 +286,36 @@ void MirrorServer::Io::hello(const std::string& identity, const mirror::Hello& h
     if (debt > kLargestDebt) return garbage("a hello from a peer that reads no answers");
     const double allowance = peer.allowed == Clock::time_point{} ? kMaxQuestions : peer.allowance;
     peer = Peer{};
+    introduce(peer, identity, hello, user);
+    peer.to = identity;
+    peer.toSession = hello.session;
     peer.debt = debt;
-    peer.identity = identity;
-    peer.name = hello.name;
-    peer.session = hello.session;
-    peer.client = hello.wishes.client;
-    peer.author = authorOf(hello, user);
     peer.window = std::clamp(hello.window, kSmallestWindow, kLargestWindow);
-    peer.heard = peer.spoken = peer.allowed = clock_.now();
+    peer.spoken = peer.allowed = peer.heard;
     peer.allowance = allowance;
     if (hello.wishes.whenSlow <= static_cast<std::uint8_t>(MirrorWhenSlow::nearFirst))
         peer.whenSlow = static_cast<MirrorWhenSlow>(hello.wishes.whenSlow);
     if (hello.wishes.milliFrames > 0)
         peer.interval = std::chrono::duration_cast<Clock::duration>(1000s) / hello.wishes.milliFrames;
-    peer.user = user;
-    peer.upstream = upstreamOf(user);
     std::uint64_t rate = hello.wishes.rate;
     if (const std::uint64_t maximum = shared_->options.maxBytesPerSecond; maximum > 0)
         rate = rate > 0 ? std::min(rate, maximum) : maximum;
     peer.pace = MirrorPace(hello.wishes.lag / 1e3, static_cast<double>(rate));
-    peer.sameTypes = hello.dictionaryHash == dictionaryHash_;
-    peer.noTypes = hello.dictionaryHash == 0;
     peer.part = *part;
     peer.inputs =
         hello.wishes.inputs && shared_->options.mode.mode == Mode::input && peer.sameTypes && !hello.wishes.partial();
     const std::uint64_t epoch = shared_->epoch ^ streamOf(peer).epochMix;
     if (hello.epoch == epoch) peer.claim = Peer::Claim{hello.sequence, hello.wishes.hash};
     if (!historyOf(peer).empty()) enqueue(peer);
-    const std::uint64_t numbers[] = {hello.session, epoch,
-                                     static_cast<std::uint64_t>(shared_->options.heartbeat.count()),
-                                     historyOf(peer).newest(), shared_->originMissed};
+    if (!welcome(identity, hello.session, epoch, historyOf(peer).newest())) peers_.erase(found);
+}
+
+bool MirrorServer::Io::welcome(const std::string& to, std::uint64_t session, std::uint64_t epoch,
+                               std::uint64_t newest) {
+    const std::uint64_t numbers[] = {session, epoch, static_cast<std::uint64_t>(shared_->options.heartbeat.count()),
+                                     newest, shared_->originMissed};
     mirror::write(message_, Message::welcome, numbers);
-    if (!sendTo(identity, message_, head_.bytes())) peers_.erase(found);
+    return sendTo(to, message_, head_.bytes());
 }
 
 void MirrorServer::Io::enqueue(Peer& peer) {
@@ -283,12 +326,16 @@ void MirrorServer::Io::enqueue(Peer& peer) {
     ++statistics_.resumed;
 }
 
-void MirrorServer::Io::question(Peer& peer, std::span<const std::byte> bytes) {
+bool MirrorServer::Io::mayAsk(Peer& peer) {
     const Clock::time_point now = clock_.now();
     const double earned = std::chrono::duration<double>(now - peer.allowed).count() * kQuestionsPerSecond;
     peer.allowance = std::min(kMaxQuestions, peer.allowance + earned);
     peer.allowed = now;
-    if (peer.asking || peer.allowance < 1) return garbage("a question too many");
+    return !peer.asking && peer.allowance >= 1;
+}
+
+void MirrorServer::Io::question(Peer& peer, std::span<const std::byte> bytes) {
+    if (!mayAsk(peer)) return garbage("a question too many");
     peer.allowance -= 1;
     peer.asking = true;
     peer.answer.reset();
@@ -301,50 +348,50 @@ void MirrorServer::Io::question(Peer& peer, std::span<const std::byte> bytes) {
     shadow_.ask(std::move(question));
 }
 
-void MirrorServer::Io::submission(Peer& peer, wire::Reader& in, std::span<const std::byte> body) {
+void MirrorServer::Io::submission(Peer& peer, Asker& asker, wire::Reader& in, std::span<const std::byte> body) {
     std::uint64_t numbers[4];  // session, request, size, offset
     if (!mirror::read(in, numbers)) return garbage("a malformed submission");
     const auto [session, request, size, offset] = numbers;
-    if (session != peer.session) return;
+    if (session != asker.session) return;
     // The author that it names is put behind its own name, so that nobody can use another's name.
-    std::string author = peer.author;
+    std::string author = asker.author;
     if (in.left()) {
         const std::string_view given = in.text();
         if (in.problem || given.size() > mirror::kLongestName) return garbage("a submission of nobody");
         author += "/" + std::string(given);
     }
     const char* problem = nullptr;
-    const bool complete = peer.submission.add(request, size, offset, body, problem);
+    const bool complete = asker.submission.add(request, size, offset, body, problem);
     if (problem) return garbage(problem);
     if (!complete) return;
-    mirror::Submission whole{peer.client,  request,          peer.upstream, std::move(peer.submission.bytes),
-                             peer.noTypes, std::move(author)};
-    peer.submission = {};
+    mirror::Submission whole{asker.client,  request,          asker.upstream, std::move(asker.submission.bytes),
+                             asker.noTypes, std::move(author)};
+    asker.submission = {};
     const mirror::Verdict* known = nullptr;
-    switch (ledger_.standing(peer.client, request, known)) {
+    switch (ledger_.standing(asker.client, request, known)) {
         case mirror::RequestLedger::Standing::pending:
             return;
         case mirror::RequestLedger::Standing::answered:
-            if (known) peer.verdicts.push_back(*known);
+            if (known) peer.verdicts.push_back({asker.identity, asker.session, *known});
             return;
         case mirror::RequestLedger::Standing::fresh:
             break;
     }
-    mirror::Verdict refusal{peer.client, request, 0, {}, {}, {}};
-    if (!peer.sameTypes && !peer.noTypes) {
+    mirror::Verdict refusal{asker.client, request, 0, {}, {}, {}};
+    if (!asker.sameTypes && !asker.noTypes) {
         refusal.refusal = "the node types here are others than there";
     } else {
         const std::scoped_lock lock(shared_->mutex);
         if (shared_->submittedBytes + whole.record.size() <= mirror::kMaxSubmitted &&
-            ledger_.begin(peer.client, request)) {
+            ledger_.begin(asker.client, request)) {
             shared_->submittedBytes += whole.record.size();
-            submitters_.insert(peer.client);
+            submitters_.insert(asker.client);
             shared_->submissions.push_back(std::move(whole));
             return shared_->callScene();
         }
         refusal.refusal = "too many requests wait for the scene";
     }
-    peer.verdicts.push_back(std::move(refusal));
+    peer.verdicts.push_back({asker.identity, asker.session, std::move(refusal)});
 }
 
 bool MirrorServer::Io::behind(const Peer& peer) const {
@@ -440,7 +487,13 @@ SharedRecord MirrorServer::Io::nextFor(Peer& peer) {
         peer.asking = false;
         peer.answer.reset();
         peer.held = 0;
-        next = keyframeFor(peer);
+        if (!peer.audience) {
+            next = keyframeFor(peer);
+        } else {
+            // Whoever lacks what came before asks for it.
+            peer.placed = true;
+            peer.state = peer.ackedState = historyOf(peer).newest();
+        }
     } else if (peer.held != 0) {
         mergeHeld(peer);
     } else if (peer.state != historyOf(peer).newest()) {
@@ -472,6 +525,11 @@ SharedRecord MirrorServer::Io::nextFor(Peer& peer) {
 bool MirrorServer::Io::deliverAnswer(Peer& peer) {
     MirrorShadow::Answer& answer = *peer.answer;
     const bool merged = answer.kind == Kind::merge;
+    if (peer.audience && !addressAnswer(peer, merged)) {
+        peer.asking = false;
+        peer.answer.reset();
+        return true;
+    }
     const std::uint64_t needed = merged && answer.record ? answer.record->header.from : answer.state;
     if (peer.held != 0 && !merged) return true;  // values that wait come first
     if (peer.placed && peer.state < needed && historyOf(peer).continues(peer.state)) return true;  // frames come first
@@ -491,9 +549,10 @@ bool MirrorServer::Io::deliverAnswer(Peer& peer) {
             peer.state = answer.record->header.to;
             peer.held = answer.holds ? answer.state : 0;
         } else {
-            there = sendTo(peer.identity, *answer.message);
+            there = sendTo(peer.to, *answer.message);
         }
     }
+    if (peer.audience && !merged) peer.audience->questions.pop_front();
     peer.answer = std::exchange(peer.after, std::nullopt);
     peer.asking = peer.answer.has_value();
     return there;
@@ -502,11 +561,11 @@ bool MirrorServer::Io::deliverAnswer(Peer& peer) {
 bool MirrorServer::Io::deliverVerdicts(Peer& peer) {
     if (peer.verdicts.size() > kMaxVerdicts) peer.verdicts.clear();  // an honest peer never has that many
     while (!peer.verdicts.empty()) {
-        const mirror::Verdict& verdict = peer.verdicts.front();
+        const auto& [to, session, verdict] = peer.verdicts.front();
         if (verdict.refusal.empty() && (!peer.placed || peer.sending || peer.held != 0 || peer.state < verdict.state))
             break;
-        verdict.write(message_, peer.session);
-        if (!sendTo(peer.identity, message_)) return false;
+        verdict.write(message_, session);
+        if (!sendTo(to, message_)) return false;
         peer.verdicts.pop_front();
     }
     return true;
@@ -515,7 +574,7 @@ bool MirrorServer::Io::deliverVerdicts(Peer& peer) {
 /// The record in a coding that this peer can read. After a keyframe or merged frames a peer lacks what predictions
 /// refer to. It gets raw frames until the next kForget, which is asked for here.
 SharedRecord MirrorServer::Io::codedFor(Peer& peer, SharedRecord record) {
-    if (!record || record->header.from == record->header.to) return record;
+    if (!record || record->header.from == record->header.to || peer.audience) return record;
     const bool predicted = record->predicted != nullptr;
     peer.remembers = predicted && (peer.remembers || record->predicted->header.flags & kForget);
     if (peer.remembers) return record->predicted;
@@ -544,12 +603,12 @@ SharedRecord MirrorServer::Io::asFollowed(Peer& peer, SharedRecord next) {
 bool MirrorServer::Io::sendChunk(Peer& peer) {
     const std::span<const std::byte> whole = peer.sending->bytes.bytes();
     const Clock::time_point now = clock_.now();
-    const std::size_t maximum = peer.pace.chunk(kChunk, now);
+    const std::size_t maximum = std::min(peer.longest, peer.pace.chunk(kChunk, now));
     const std::span<const std::byte> part = whole.subspan(peer.sent, std::min(maximum, whole.size() - peer.sent));
-    const bool later = part.size() == whole.size() && mayWait(peer, part.size(), now);
-    const std::uint64_t numbers[] = {peer.session, whole.size(), peer.sent, peer.sending->published, later};
+    const bool later = peer.audience || (part.size() == whole.size() && mayWait(peer, part.size(), now));
+    const std::uint64_t numbers[] = {peer.toSession, whole.size(), peer.sent, peer.sending->published, later};
     mirror::write(message_, Message::data, numbers);
-    if (!sendTo(peer.identity, message_, part, peer.sending)) return false;
+    if (!sendTo(peer.to, message_, part, peer.sending)) return false;
     peer.spoken = now;
     peer.sent += part.size();
     peer.sentBytes += part.size();
@@ -596,9 +655,15 @@ bool MirrorServer::Io::mayPass(Peer& peer) {
 }
 
 bool MirrorServer::Io::pump(Peer& peer) {
+    if (peer.audience) askNext(peer);
     while (mayPass(peer)) {
         if (peer.answer && !peer.sending && !peer.then && !deliverAnswer(peer)) return false;
         if (!peer.sending) {
+            if (peer.audience) {
+                peer.to = peer.identity;
+                peer.toSession = 0;
+                answerJoiners(peer);
+            }
             peer.sending = peer.then ? std::exchange(peer.then, nullptr) : asFollowed(peer, nextFor(peer));
             peer.sent = 0;
         }

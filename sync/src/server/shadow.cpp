@@ -10,7 +10,6 @@
 #include <stdexcept>
 
 #include <fmt/format.h>
-#include <pthread.h>
 #include <sys/resource.h>
 #include <sys/syscall.h>
 #include <unistd.h>
@@ -39,19 +38,15 @@ constexpr int kEasedFraction = 20;  // a new one is made after this many times i
 
 }  // namespace
 
-MirrorShadow::MirrorShadow(const Clock& clock, std::shared_ptr<RecordPool> pool, int wake, std::uint64_t limit,
-                           std::size_t index)
+MirrorShadow::MirrorShadow(const Clock& clock, std::shared_ptr<RecordPool> pool, const Wakeup& wake,
+                           std::uint64_t limit, std::size_t index)
     : clock_(clock), pool_(std::move(pool)), wake_(wake), limit_(limit), maximumIndexed_(index), decoder_({}, 0) {
-    if (!clock_.isStepped()) thread_ = std::thread([this] { run(); });
-}
-
-MirrorShadow::~MirrorShadow() {
-    {
-        const std::scoped_lock lock(mutex_);
-        stop_ = true;
-    }
-    some_.notify_one();
-    if (thread_.joinable()) thread_.join();
+    if (clock_.isStepped()) return;
+    worker_.run([this] { run(); },
+                [this] {
+                    const std::scoped_lock lock(mutex_);
+                    some_.notify_one();
+                });
 }
 
 void MirrorShadow::onSnapshot(TakeSnapshot take) {
@@ -120,7 +115,6 @@ void MirrorShadow::restart() {
 }
 
 void MirrorShadow::run() {
-    ::pthread_setname_np(::pthread_self(), "rtsg shadow");
     try {
         follow();
     } catch (const std::exception& e) {
@@ -129,8 +123,7 @@ void MirrorShadow::run() {
         lost_ = true;
         dropWaiting();
         if (handingOver_ && takeSnapshot_) takeSnapshot_(*handingOver_, nullptr);
-        const std::uint64_t one = 1;
-        (void)!::write(wake_, &one, sizeof(one));
+        wake_.raise();
     }
 }
 
@@ -143,9 +136,9 @@ void MirrorShadow::follow() {
     ::setpriority(PRIO_PROCESS, static_cast<id_t>(::syscall(SYS_gettid)),
                   kNiceness);  // only a wish, so a refusal does no harm
     std::unique_lock lock(mutex_);
-    while (!stop_) {
+    while (!worker_.stops()) {
         const auto hurries = [this] {
-            return stop_ || waitingBytes_ >= kBatch || ((eager_ || hurries_) && !waiting_.empty()) ||
+            return worker_.stops() || waitingBytes_ >= kBatch || ((eager_ || hurries_) && !waiting_.empty()) ||
                    (!questions_.empty() && !lost_);
         };
         some_.wait(lock, [&] { return hurries() || isWorthWaking(); });
@@ -158,7 +151,7 @@ void MirrorShadow::follow() {
 
 bool MirrorShadow::step() {
     std::unique_lock lock(mutex_);
-    if (stop_ || (waiting_.empty() && (questions_.empty() || lost_))) return false;
+    if (worker_.stops() || (waiting_.empty() && (questions_.empty() || lost_))) return false;
     work(lock);
     return true;
 }
@@ -176,7 +169,7 @@ void MirrorShadow::work(std::unique_lock<std::mutex>& lock) {
         merged_.clear();
     }
     eraHere_ = era_;
-    while (!waiting_.empty() && !stop_) {
+    while (!waiting_.empty() && !worker_.stops()) {
         const auto [record, snapshot] = std::move(waiting_.front());
         waiting_.pop_front();
         waitingBytes_ -= memoryOf(*record);
@@ -190,7 +183,7 @@ void MirrorShadow::work(std::unique_lock<std::mutex>& lock) {
         lock.lock();
     }
     hurries_ = false;
-    if (stop_ || questions_.empty() || lost_) return;
+    if (worker_.stops() || questions_.empty() || lost_) return;
     const Question question = std::move(questions_.front());
     questions_.pop_front();
     lock.unlock();
@@ -209,8 +202,7 @@ void MirrorShadow::reply(Answer answer) {
     if (eraHere_ != era_) return;
     answer.era = eraHere_;
     answers_.push_back(std::move(answer));
-    const std::uint64_t one = 1;
-    (void)!::write(wake_, &one, sizeof(one));
+    wake_.raise();
 }
 
 /// Opens a part from an earlier state on, so that peers who have that state need no snapshot. Returns false if that is

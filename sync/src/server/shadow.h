@@ -6,8 +6,8 @@
 // before it. It costs the memory of one more scene, and of another while a part is opened from an earlier state. It
 // follows in batches. Waiting records are bounded by `limit` bytes; beyond that the replica is given up until a
 // keyframe comes.
-// Threading: post, ask and takeAnswers from one thread; the work on another, or in step(). `wake` (an eventfd) is
-// written for answers.
+// Threading: post, ask and takeAnswers from one thread; the work on another, or in step(). `wake` is raised
+// for answers.
 #pragma once
 
 #include <condition_variable>
@@ -17,10 +17,11 @@
 #include <mutex>
 #include <optional>
 #include <string>
-#include <thread>
 #include <vector>
 
+#include <rtsg/core/descriptor.h>
 #include <rtsg/core/scene.h>
+#include <rtsg/core/worker.h>
 #include <rtsg/sync/change_codec.h>
 
 #include "history.h"
@@ -65,9 +66,8 @@ class MirrorShadow {
     };
 
     /// `places` is the most places of shapes; with more, regions are not followed.
-    MirrorShadow(const Clock& clock, std::shared_ptr<RecordPool> pool, int wake, std::uint64_t limit,
+    MirrorShadow(const Clock& clock, std::shared_ptr<RecordPool> pool, const Wakeup& wake, std::uint64_t limit,
                  std::size_t index = std::size_t{1} << 22);
-    ~MirrorShadow();
 
     /// Sets who takes the snapshots that post() asks for. Called on the shadow's thread, or on the one that gives the
     /// replica up.
@@ -110,7 +110,7 @@ class MirrorShadow {
 
     const Clock& clock_;
     const std::shared_ptr<RecordPool> pool_;
-    const int wake_;
+    const Wakeup& wake_;
     const std::uint64_t limit_;
     const std::size_t maximumIndexed_;
 
@@ -126,10 +126,10 @@ class MirrorShadow {
     TakeSnapshot takeSnapshot_;
     std::deque<Question> questions_;
     std::vector<Answer> answers_;
-    bool eager_ = false;               // a part is followed, and its peers wait for every frame
-    bool stop_ = false, lost_ = true;  // lost: only a keyframe helps
-    char failure_[160] = {};           // the thread's exception; there may be no memory for a string
-    std::uint64_t era_ = 0;            // answers from before a restart are dropped
+    bool eager_ = false;      // a part is followed, and its peers wait for every frame
+    bool lost_ = true;        // only a keyframe helps
+    char failure_[160] = {};  // the thread's exception; there may be no memory for a string
+    std::uint64_t era_ = 0;   // answers from before a restart are dropped
 
     std::unique_ptr<Scene> scene_;  // from here on for the thread only
     ChangeDecoder decoder_;
@@ -154,7 +154,7 @@ class MirrorShadow {
     };
     std::map<std::string, Eased> eased_;
     std::uint64_t eraHere_ = 0;
-    std::thread thread_;
+    Worker worker_{"rtsg shadow"};  // last: its job uses the others
 };
 
 }  // namespace rtsg

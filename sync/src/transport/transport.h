@@ -62,6 +62,12 @@ class Listener {
     /// False if that connection is gone. `second` is not copied if it has an owner; more peers may get the same.
     virtual bool send(std::string_view to, std::span<const std::byte> first, std::span<const std::byte> second = {},
                       const SharedBytes& owner = {}) = 0;
+
+    /// The most bytes of a second part to peers that read the same, or 0 if each peer reads by itself. All that follow
+    /// read what goes to kFollowers, and all that wait for a state read what goes to kJoiners. The listener speaks for
+    /// kFollowers: it acknowledges what has gone out, and answers a goodbye.
+    virtual std::size_t broadcasts() const { return 0; }
+    static constexpr std::string_view kFollowers{}, kJoiners{"*"};
 };
 
 /// Leads to one listener. It connects by itself, and again after each end.

@@ -217,13 +217,11 @@ TEST_F(NatsMirror, AServerWithKeysIsPublishedAsItsFirstClient) {
     ASSERT_TRUE(server);
     NatsPublisherOptions to;
     to.address = nats.address();
-    to.endpoint = (*server)->endpoint();
-    EXPECT_TRUE(NatsPublisher::start(to)) << "it starts, but the server does not know it";
     MirrorKeys none;
     to.keys = none;
-    EXPECT_FALSE(NatsPublisher::start(to));
+    EXPECT_FALSE(NatsPublisher::start(**server, to));
     to.keys = keys;
-    const auto publisher = NatsPublisher::start(to);
+    const auto publisher = NatsPublisher::start(**server, to);
     ASSERT_TRUE(publisher);
     NatsFollower follower(nats.address());
     EXPECT_TRUE(test::pollUntilAt(*follower.client, scene));
@@ -249,6 +247,51 @@ TEST_F(NatsMirror, AnAskerCannotMakeItSendWithoutEnd) {
     EXPECT_LT(from.publisher->statistics().bytes - before, 400'000'000u);
     from.poll();
     EXPECT_TRUE(follower.settle(from));
+}
+
+/// The server has no new frame to send, and knows all the same that all have its state.
+TEST_F(NatsMirror, ASceneThatStartsOverIsFollowedAndDrained) {
+    NatsServer nats;
+    PublishedScene from(nats.address());
+    NatsFollower follower(nats.address());
+    ASSERT_TRUE(follower.settle(from));
+    for (int i = 0; i < 20; ++i) from.poll();
+    ASSERT_TRUE(follower.settle(from));
+    EXPECT_TRUE(from.server->drain(10s));
+    Scene other;
+    for (int i = 0; i < 5; ++i) other.createNode(x3d::Group::type);
+    other.newFrame(9);
+    ASSERT_TRUE(from.scene.reset());
+    ASSERT_TRUE(from.scene.apply(std::make_shared<const ChangeSet>(other.snapshot())));
+    EXPECT_TRUE(follower.settle(from));
+    EXPECT_EQ(follower.scene.dump(), other.dump());
+    EXPECT_TRUE(from.server->drain(10s));
+    NatsFollower late(nats.address());
+    EXPECT_TRUE(late.settle(from));
+    EXPECT_TRUE(from.server->drain(10s)) << "what it joined with is older than what the others have";
+    EXPECT_EQ(from.server->statistics().peers, 1u);
+    EXPECT_EQ(from.server->statistics().garbage, 0u);
+}
+
+TEST_F(NatsMirror, WithoutAPublisherTheServerGoesOn) {
+    NatsServer nats;
+    PublishedScene from(nats.address());
+    Scene scene;
+    const auto direct = MirrorClient::connect(scene, from.server->endpoint());
+    {
+        NatsFollower follower(nats.address());
+        ASSERT_TRUE(follower.settle(from));
+    }
+    from.publisher.reset();
+    for (int i = 0; i < 5; ++i) from.poll();
+    EXPECT_TRUE(test::pollUntilAt(**direct, from.scene));
+    EXPECT_TRUE(test::eventually([&] { return from.server->statistics().peers == 1; })) << "the one by ZeroMQ";
+    NatsPublisherOptions to;
+    to.address = nats.address();
+    auto again = NatsPublisher::start(*from.server, to);
+    ASSERT_TRUE(again);
+    NatsFollower late(nats.address());
+    EXPECT_TRUE(late.settle(from));
 }
 
 TEST_F(NatsMirror, TheServersGoodbyeArrives) {

@@ -2,8 +2,6 @@
 #include "server/shadow.h"
 
 #include <gtest/gtest.h>
-#include <sys/eventfd.h>
-#include <unistd.h>
 
 #include <rtsg/core/x3d.h>
 
@@ -42,7 +40,6 @@ struct MovingBox {
 
 class MirrorShadows : public testing::Test {
   protected:
-    ~MirrorShadows() override { ::close(wake_); }
     SharedRecord merged(std::uint32_t part, std::vector<SharedRecord> frames) {
         MirrorShadow::Question question;
         question.kind = MirrorShadow::Question::Kind::merge;
@@ -57,7 +54,7 @@ class MirrorShadows : public testing::Test {
         }));
         return answers.empty() ? nullptr : answers.front().record;
     }
-    int wake_ = ::eventfd(0, EFD_NONBLOCK);
+    Wakeup wake_;
     MirrorShadow shadow_{steadyClock(), std::make_shared<RecordPool>(), wake_, 64 << 20};
 };
 

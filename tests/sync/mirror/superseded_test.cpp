@@ -4,9 +4,6 @@
 #include <chrono>
 #include <thread>
 
-#include <sys/eventfd.h>
-#include <unistd.h>
-
 #include <gtest/gtest.h>
 
 #include <rtsg/core/scene.h>
@@ -83,12 +80,11 @@ TEST(Superseded, WhatIsNoPlainValueIsKept) {
 struct ShadowOfScene : testing::Test, Subscriber {
     Scene scene;
     std::shared_ptr<RecordPool> pool = std::make_shared<RecordPool>();
-    const int wake = ::eventfd(0, EFD_NONBLOCK);
+    const Wakeup wake;
     MirrorShadow shadow{steadyClock(), pool, wake, std::uint64_t{64} << 20};
     ChangeEncoder encoder;
     bool allPosted = true;
 
-    ~ShadowOfScene() override { ::close(wake); }
     Result<> apply(const Scene&, const ChangeSet& changes) override {
         post(changes);
         return {};

@@ -2,10 +2,10 @@
 //
 // A new record is published once for all mirrors. A mirror that joins asks, and gets the last keyframe and the records
 // after it; all that ask within a moment share one publication. Questions, requests and commands of mirrors go to the
-// server, and its answers go back to the sender (PROTOCOL.md, "NATS"). To the server all of them are one peer, with
-// that peer's permission and their own names behind its name. Invariant: it keeps no scene, and passes records on in
-// the server's bytes. Its memory is bounded for any messages of mirrors. A lost connection to the NATS server is made
-// again; mirrors then ask for what they missed. Threading: a thread of its own; all functions on any.
+// server, and its answers go back to the sender (PROTOCOL.md, "NATS"). For records all of them are one peer, and their
+// own names stand behind that peer's. Invariant: it keeps no scene and no records, and passes records on in the
+// server's bytes. A lost connection to the NATS server is made again; mirrors then ask for what they missed. Threading:
+// a thread of its own; all functions on any.
 
 // Example:
 //     #include <rtsg/nats/nats_publisher.h>
@@ -33,16 +33,12 @@ namespace rtsg {
 
 struct NatsPublisherOptions {
     std::string address;  // nats_address.h
-    /// The endpoint of a mirror server elsewhere, and the keys of a client if the server has keys.
-    std::string endpoint;
+    /// The keys of a client, with whose permission mirrors ask, if the server has keys.
     std::optional<MirrorKeys> keys;
-    std::shared_ptr<Transport> transport{};  // by which to reach the endpoint; null: ZeroMQ
-    /// Bytes of records that are kept for mirrors that missed some.
-    std::uint64_t history = std::uint64_t{64} << 20;
 };
 
 struct NatsPublisherStatistics {
-    std::uint64_t records = 0, messages = 0, bytes = 0;  // published, without answers
+    std::uint64_t records = 0, messages = 0, bytes = 0;  // published; bytes are those of records, without repairs
     std::uint64_t states = 0;                            // how often a keyframe and the records after it were published
     std::uint64_t resumed = 0;                           // mirrors that got only what they had missed
     std::uint64_t asked = 0;                             // messages from mirrors
@@ -55,8 +51,6 @@ class NatsPublisher {
     /// Publishes what a server of this process serves. Errors: an invalid address; no connection; keys that are not a
     /// client's.
     static Result<std::unique_ptr<NatsPublisher>> start(MirrorServer& server, NatsPublisherOptions options);
-    /// The same for the server at the endpoint.
-    static Result<std::unique_ptr<NatsPublisher>> start(NatsPublisherOptions options);
     /// If the server ends before this, mirrors get its goodbye.
     ~NatsPublisher();
 
@@ -67,8 +61,9 @@ class NatsPublisher {
 
   private:
     class Impl;
-    explicit NatsPublisher(std::unique_ptr<Impl> impl);
-    std::unique_ptr<Impl> impl_;
+    class NatsListener;
+    explicit NatsPublisher(std::shared_ptr<Impl> impl);
+    std::shared_ptr<Impl> impl_;
 };
 
 }  // namespace rtsg

@@ -43,8 +43,7 @@ class Health {
     void noteFeeds(std::vector<EndpointCounts> counts);
     /// This, or noteMirror(), is called in each round of the session's loop, at rest too: without it for kPatience, and
     /// for three times as long as the last round took, the session counts as hung, and /healthz says so.
-    /// `garbage`: of the messages that came to the server by other ways.
-    void noteServer(const MirrorServer& server, std::uint64_t garbage);
+    void noteServer(const MirrorServer& server);
     void noteLog(std::uint64_t bytes);
     void noteMirror(const MirrorStatistics& mirror, std::uint64_t garbage);
 
