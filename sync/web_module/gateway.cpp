@@ -12,8 +12,8 @@
 #include <unistd.h>
 #include <boost/beast/websocket/rfc6455.hpp>
 
-#include "conversation.h"
 #include "visit.h"
+#include "web_socket_connection.h"
 
 namespace rtsg::web {
 
@@ -72,7 +72,7 @@ std::string pageFolder() {
 }  // namespace
 
 Gateway::Gateway(WebSettings settings)
-    : Door({settings.loopback, kMaxVisits, settings.requestTimeout, kIdle, {}, kLongestIncoming, kMaxQueued}),
+    : HttpServer({settings.loopback, kMaxVisits, settings.requestTimeout, kIdle, {}, kLongestIncoming, kMaxQueued}),
       settings_(std::move(settings)),
       ring_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {}
 
@@ -132,15 +132,15 @@ Gateway::~Gateway() {
 
 void Gateway::makeRoomForBrowser() {
     if (count() < settings_.maximumConnections) return;
-    std::shared_ptr<Conversation> found;
-    for (const auto& [number, browser] : conversations())
+    std::shared_ptr<WebSocketConnection> found;
+    for (const auto& [number, browser] : connections())
         if (browser->isSilentFor(kSilent) && (!found || browser->since() < found->since())) found = browser;
     if (!found) return;
     ++refused_;
     found->leave();
 }
 
-bool Gateway::heard(Conversation& from, std::string message, bool isText) {
+bool Gateway::heard(WebSocketConnection& from, std::string message, bool isText) {
     if (!isText && hasParts(message)) {
         pass(from.number(), std::move(message));
         return true;
@@ -150,8 +150,8 @@ bool Gateway::heard(Conversation& from, std::string message, bool isText) {
     return false;
 }
 
-void Gateway::ended(Conversation& conversation) {
-    pass(conversation.number(), std::string(kBye));  // so that the server need not wait for it
+void Gateway::ended(WebSocketConnection& connection) {
+    pass(connection.number(), std::string(kBye));  // so that the server need not wait for it
 }
 
 void Gateway::pass(std::uint64_t browser, std::string message) {
@@ -214,7 +214,7 @@ std::string Gateway::refusal(const Request& request, const std::string& source) 
     if (follows && target.substr(0, target.find('?')) != "/mirror") return "There is nothing to follow here.";
     if (follows && count() >= settings_.maximumConnections) return "As many browsers follow as may.";
     const auto ofSource = static_cast<std::size_t>(
-        std::ranges::count_if(conversations(), [&](const auto& one) { return one.second->source() == source; }));
+        std::ranges::count_if(connections(), [&](const auto& one) { return one.second->source() == source; }));
     if (follows && !isShared(source) && 4 * ofSource >= kQuarters * settings_.maximumConnections)
         return "As many browsers of one address follow as may.";
     return {};

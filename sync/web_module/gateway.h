@@ -1,6 +1,6 @@
 // Gateway: the inside of the web gateway: which browsers may follow, and the page and files that they load.
 //
-// Invariant: everything except the counts, the news and what the module offers belongs to the door's thread.
+// Invariant: everything except the counts, the news and what the module offers belongs to the server's thread.
 #pragma once
 
 #include <atomic>
@@ -10,13 +10,13 @@
 #include <string>
 #include <vector>
 
-#include "door.h"
+#include "http_server.h"
 #include "pages.h"
 #include "sockets/web_module.h"
 
 namespace rtsg::web {
 
-class Gateway : public WebModule, private Door {
+class Gateway : public WebModule, private HttpServer {
   public:
     explicit Gateway(WebSettings settings);
     ~Gateway() override;
@@ -38,8 +38,8 @@ class Gateway : public WebModule, private Door {
   private:
     void answer(const std::shared_ptr<Visit>& visit, Request request) override;
     void refuse(std::string) override { ++refused_; }
-    bool heard(Conversation& from, std::string message, bool isText) override;
-    void ended(Conversation& conversation) override;
+    bool heard(WebSocketConnection& from, std::string message, bool isText) override;
+    void ended(WebSocketConnection& connection) override;
 
     std::string readCertificate();
     /// Why this request may not follow, nor load files that the scene names. Empty if it may.

@@ -7,9 +7,9 @@
 #include <sys/socket.h>
 #include <boost/beast/websocket/rfc6455.hpp>
 
-#include "conversation.h"
 #include "sockets/http_host.h"
 #include "visit.h"
+#include "web_socket_connection.h"
 
 namespace rtsg::web {
 
@@ -21,8 +21,8 @@ constexpr std::size_t kMaxNewsWaiting = 1024;
 }  // namespace
 
 SocketServer::SocketServer(SocketSettings settings)
-    : Door({settings.loopback, kMaxKnocking, settings.requestTimeout, settings.silence, settings.protocol,
-            settings.longestIncoming, settings.maxQueued}),
+    : HttpServer({settings.loopback, kMaxKnocking, settings.requestTimeout, settings.silence, settings.protocol,
+                  settings.longestIncoming, settings.maxQueued}),
       settings_(std::move(settings)) {}
 
 std::string SocketServer::start() {
@@ -68,11 +68,11 @@ bool SocketServer::isFarBehind() const {
     return news_.size() >= kMaxNewsWaiting;
 }
 
-void SocketServer::begun(Conversation& conversation) {
-    notify({SocketEvent::Kind::came, conversation.number(), {}});
+void SocketServer::begun(WebSocketConnection& connection) {
+    notify({SocketEvent::Kind::came, connection.number(), {}});
 }
 
-bool SocketServer::heard(Conversation& from, std::string message, bool isText) {
+bool SocketServer::heard(WebSocketConnection& from, std::string message, bool isText) {
     notify({isText ? SocketEvent::Kind::text : SocketEvent::Kind::bytes, from.number(), std::move(message)});
     return true;
 }
@@ -82,8 +82,8 @@ void SocketServer::refuse(std::string why) {
     if (settings_.call >= 0) ::eventfd_write(settings_.call, 1);
 }
 
-void SocketServer::ended(Conversation& conversation) {
-    if (conversation.isAccepted()) notify({SocketEvent::Kind::left, conversation.number(), {}});
+void SocketServer::ended(WebSocketConnection& connection) {
+    if (connection.isAccepted()) notify({SocketEvent::Kind::left, connection.number(), {}});
 }
 
 void SocketServer::notify(SocketEvent news) {

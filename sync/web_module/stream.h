@@ -18,7 +18,7 @@
 #include <boost/beast/websocket.hpp>
 #include <boost/beast/websocket/ssl.hpp>
 
-#include "door.h"
+#include "http_server.h"
 
 namespace rtsg::web {
 

@@ -13,26 +13,26 @@ constexpr std::size_t kSlowestReader = 4 << 10;  // bytes a second
 
 }  // namespace
 
-Visit::Visit(Door& door, Tcp::socket&& socket)
-    : door_(door),
+Visit::Visit(HttpServer& server, Tcp::socket&& socket)
+    : server_(server),
       source_(sourceOf(socket)),
-      stream_(std::move(socket), door.tls()),
+      stream_(std::move(socket), server.tls()),
       buffer_(kLongestHead + kLongestBody),
-      waiting_(door.io()) {
-    door_.came(this);
+      waiting_(server.io()) {
+    server_.came(this);
 }
 
 void Visit::end() {
-    door_.went(this);
+    server_.went(this);
     stream_.tcp().close();
 }
 
 void Visit::begin() {
-    if (!door_.tls()) return read();
-    stream_.tcp().expires_after(door_.rules().requestTimeout);
+    if (!server_.tls()) return read();
+    stream_.tcp().expires_after(server_.rules().requestTimeout);
     stream_.handshake([self = shared_from_this()](beast::error_code error) {
         if (!error) return self->read();
-        self->door_.refuse("");
+        self->server_.refuse("");
     });
 }
 
@@ -40,7 +40,7 @@ void Visit::read() {
     parser_.emplace();
     parser_->header_limit(kLongestHead);
     parser_->body_limit(kLongestBody);
-    stream_.tcp().expires_after(door_.rules().requestTimeout);
+    stream_.tcp().expires_after(server_.rules().requestTimeout);
     http::async_read(stream_, buffer_, *parser_,
                      Moved([self = shared_from_this()](beast::error_code error, std::size_t) {
                          if (error) return self->failed(error);
@@ -49,7 +49,7 @@ void Visit::read() {
                          self->since_ = std::chrono::steady_clock::now();
                          self->keepAlive_ = request.keep_alive();
                          self->version_ = request.version();
-                         self->door_.answer(self, std::move(request));
+                         self->server_.answer(self, std::move(request));
                      }));
 }
 
@@ -59,7 +59,7 @@ void Visit::failed(beast::error_code error) {
         error == net::error::operation_aborted || error == net::error::connection_reset ||
         error == net::ssl::error::stream_truncated)
         return;
-    door_.refuse("no request of HTTP/1.1 came");
+    server_.refuse("no request of HTTP/1.1 came");
     const bool isOfHttp = error.category() == beast::error_code(http::error::end_of_stream).category();
     if (!isOfHttp || error == http::error::partial_message) return;
     if (error == http::error::header_limit || error == http::error::buffer_overflow)
@@ -78,8 +78,8 @@ void Visit::refuse(http::status status, std::string why) {
 }
 
 void Visit::wait() {
-    stream_.tcp().expires_after(door_.rules().requestTimeout);
-    waiting_.expires_after(door_.rules().requestTimeout);
+    stream_.tcp().expires_after(server_.rules().requestTimeout);
+    waiting_.expires_after(server_.rules().requestTimeout);
     waiting_.async_wait([self = shared_from_this()](beast::error_code) {});
 }
 
@@ -105,7 +105,7 @@ void Visit::say(Response response) {
     if (!response.has_content_length()) response.prepare_payload();
     response_ = std::move(response);
     // A slow reader gets the time that the slowest links need, but not longer.
-    stream_.tcp().expires_after(door_.rules().requestTimeout +
+    stream_.tcp().expires_after(server_.rules().requestTimeout +
                                 std::chrono::seconds(response_.body().size() / kSlowestReader));
     http::async_write(stream_, response_, Moved([self = shared_from_this()](beast::error_code error, std::size_t) {
                           self->state_ = State::idle;

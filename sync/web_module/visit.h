@@ -1,7 +1,7 @@
 // Visit: one HTTP connection, whose requests are answered one after the other, until one asks for a WebSocket.
 //
 // Invariant: a request has at most kLongestHead bytes and almost no body.
-// Threading: the door's thread.
+// Threading: the server's thread.
 #pragma once
 
 #include <chrono>
@@ -10,7 +10,7 @@
 
 #include <boost/beast/core.hpp>
 
-#include "door.h"
+#include "http_server.h"
 #include "stream.h"
 
 namespace rtsg::web {
@@ -23,8 +23,8 @@ std::string sourceOf(const Tcp::socket& socket);
 
 class Visit : public std::enable_shared_from_this<Visit> {
   public:
-    Visit(Door& door, Tcp::socket&& socket);
-    ~Visit() { door_.went(this); }
+    Visit(HttpServer& server, Tcp::socket&& socket);
+    ~Visit() { server_.went(this); }
     /// The event that the connection waits for.
     enum class State : std::uint8_t {
         silent,  // its first request
@@ -56,7 +56,7 @@ class Visit : public std::enable_shared_from_this<Visit> {
     void read();
     void failed(beast::error_code error);
 
-    Door& door_;
+    HttpServer& server_;
     const std::string source_;
     State state_ = State::silent;
     std::chrono::steady_clock::time_point since_ = std::chrono::steady_clock::now();

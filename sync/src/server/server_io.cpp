@@ -88,8 +88,8 @@ void MirrorServer::Io::restart() {
     encodeHead(shared_->epoch, shared_->options.creator, builtinTypes(), shared_->options.mode, head_);
     mirror::begin(message_, Message::unknown);
     for (const auto& [identity, peer] : peers_) sendTo(identity, message_);
-    std::erase_if(peers_, [](const auto& p) { return !p.second.audience; });
-    for (auto& [identity, peer] : peers_) openAudience(static_cast<unsigned char>(identity[0]));
+    std::erase_if(peers_, [](const auto& p) { return !p.second.broadcast; });
+    for (auto& [identity, peer] : peers_) openBroadcast(static_cast<unsigned char>(identity[0]));
 }
 
 void MirrorServer::Io::run() {
@@ -208,8 +208,8 @@ void MirrorServer::Io::pumpHeard(Clock::time_point now) {
 
 Clock::time_point MirrorServer::Io::dueFor(const Peer& peer, Clock::time_point now) const {
     Clock::time_point due = Clock::time_point::max();
-    if (!peer.placed && !peer.audience) due = now + 20ms;
-    if (peer.audience && peer.placed && (peer.audience->stateWanted || !peer.audience->questions.empty()))
+    if (!peer.placed && !peer.broadcast) due = now + 20ms;
+    if (peer.broadcast && peer.placed && (peer.broadcast->stateWanted || !peer.broadcast->questions.empty()))
         due = now + 10ms;
     if (const auto wait = peer.pace.wait(now); wait.count() > 0) due = std::min(due, now + wait);
     if (peer.interval.count() > 0 && peer.placed && peer.state != historyOf(peer).newest())
@@ -233,7 +233,7 @@ std::chrono::milliseconds MirrorServer::Io::untilTick(Clock::time_point now) con
     Clock::time_point due = now + kLongestSleep;
     for (const auto& [identity, peer] : peers_)
         due = std::min({due, peer.spoken + options.heartbeat,
-                        peer.audience ? Clock::time_point::max() : peer.heard + options.peerTimeout});
+                        peer.broadcast ? Clock::time_point::max() : peer.heard + options.peerTimeout});
     return std::chrono::ceil<std::chrono::milliseconds>(due - now);
 }
 
@@ -294,7 +294,7 @@ void MirrorServer::Io::takeInbox() {
             listeners_.push_back(std::move(more));
             items_.resize(2 + listeners_.size() * Listener::kDescriptors);
             if (listeners_.back()->broadcasts() == 0) continue;
-            openAudience(listeners_.size() - 1);
+            openBroadcast(listeners_.size() - 1);
             // Whoever followed another run of the scene has to join this one.
             mirror::begin(message_, Message::unknown);
             sendTo(std::string(1, static_cast<char>(listeners_.size() - 1)), message_);
@@ -504,8 +504,8 @@ void MirrorServer::Io::tick(Clock::time_point now) {
     }
     for (auto p = peers_.begin(); p != peers_.end();) {
         Peer& peer = p->second;
-        if (peer.audience) forgetSilent(peer, now);
-        bool gone = !peer.audience && now - peer.heard > shared_->options.peerTimeout;
+        if (peer.broadcast) forgetSilent(peer, now);
+        bool gone = !peer.broadcast && now - peer.heard > shared_->options.peerTimeout;
         if (gone) {
             ++statistics_.lost;
             shared_->report(Severity::note, fmt::format("peer '{}' was silent for too long", peer.author));
@@ -524,8 +524,8 @@ void MirrorServer::Io::noticeWhoLeft() {
     std::set<std::uint64_t> here;
     for (const auto& [identity, peer] : peers_) {
         here.insert(peer.client);
-        if (peer.audience)
-            for (const auto& [client, member] : peer.audience->clients) here.insert(client);
+        if (peer.broadcast)
+            for (const auto& [client, member] : peer.broadcast->clients) here.insert(client);
     }
     const std::scoped_lock lock(shared_->mutex);
     const auto gone = std::erase_if(submitters_, [&](std::uint64_t client) {
@@ -579,7 +579,7 @@ void MirrorServer::Io::publishStatistics() {
         heldUp |= peer.whenSlow == MirrorWhenSlow::block && behind(peer);
     }
     shared_->wantPredicted = std::ranges::any_of(peers_, [](const auto& p) {
-        return p.second.part == 0 && !p.second.inputs && p.second.interval.count() == 0 && !p.second.audience;
+        return p.second.part == 0 && !p.second.inputs && p.second.interval.count() == 0 && !p.second.broadcast;
     });
     const std::scoped_lock lock(shared_->mutex);
     shared_->statistics = statistics_;

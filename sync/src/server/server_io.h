@@ -121,7 +121,7 @@ class MirrorServer::Io {
     };
     /// Peers of one listener that broadcasts. They read the same records, as if they were one peer, which asks one
     /// question at a time for all of them.
-    struct Audience {
+    struct BroadcastGroup {
         struct Question {
             std::string asker;
             std::uint64_t session = 0;
@@ -137,8 +137,8 @@ class MirrorServer::Io {
     };
     struct Peer : Asker {
         std::uint64_t window = 0;
-        std::unique_ptr<Audience> audience;  // it stands for these
-        std::size_t longest = SIZE_MAX;      // bytes of a part
+        std::unique_ptr<BroadcastGroup> broadcast;  // it stands for these
+        std::size_t longest = SIZE_MAX;             // bytes of a part
         MirrorPace pace;
         std::uint64_t sentBytes = 0, ackedBytes = 0, ackedState = 0;
         std::uint64_t awaitedBytes = 0;  // the part of sentBytes whose acknowledgement was asked for
@@ -215,14 +215,14 @@ class MirrorServer::Io {
     void handleOf(Peer& peer, Asker& asker, mirror::Message type, wire::Reader& in, std::span<const std::byte> bytes,
                   std::span<const std::byte> body);
     void hello(const std::string& identity, const mirror::Hello& hello, const std::string& user);
-    /// `by`: the audience to which it belongs.
+    /// `by`: the broadcast to which it belongs.
     void introduce(Asker& asker, const std::string& identity, const mirror::Hello& hello, const std::string& user,
                    const std::string& by = {});
     /// Returns false if the connection is gone.
     bool welcome(const std::string& to, std::uint64_t session, std::uint64_t epoch, std::uint64_t newest);
     // Of those who read what a listener broadcasts.
-    void openAudience(std::size_t listener);
-    Peer* audienceOf(const std::string& identity);
+    void openBroadcast(std::size_t listener);
+    Peer* broadcastOf(const std::string& identity);
     void join(Peer& all, const std::string& identity, const mirror::Hello& hello, const std::string& user);
     void leave(Peer& all, const std::string& identity);
     void forgetSilent(Peer& all, Clock::time_point now);

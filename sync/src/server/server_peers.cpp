@@ -30,7 +30,7 @@ constexpr auto kForgetEvery = 250ms;        // while some peers cannot read pred
 constexpr std::size_t kMaxMerged = 20000;   // frames
 constexpr std::size_t kMaxControls = 16;    // that wait for the scene, of all peers
 constexpr std::size_t kMaxVerdicts = 1000;  // that wait for their frame
-constexpr std::size_t kMaxWaitingQuestions = 64;  // of an audience
+constexpr std::size_t kMaxWaitingQuestions = 64;  // of an broadcast
 
 }  // namespace
 
@@ -44,7 +44,7 @@ void MirrorServer::Io::handle(const std::string& identity, std::span<const std::
     if (!type) return garbage(fmt::format("a message of {} bytes that is none of this protocol", bytes.size()));
     // A peer that comes now learns by the silence that nobody is there.
     if (leaving_ && *type != Message::bye && (*type != Message::ack || !peers_.contains(identity))) return;
-    Peer* const all = audienceOf(identity);
+    Peer* const all = broadcastOf(identity);
     if (*type == Message::hello) {
         mirror::Hello greeting;
         if (!greeting.read(in)) return garbage("a malformed hello");
@@ -66,7 +66,7 @@ void MirrorServer::Io::handle(const std::string& identity, std::span<const std::
     }
     Asker* asker = found != peers_.end() ? &found->second : nullptr;
     if (!asker && all)
-        if (const auto member = all->audience->members.find(identity); member != all->audience->members.end())
+        if (const auto member = all->broadcast->members.find(identity); member != all->broadcast->members.end())
             asker = &member->second;
     if (!asker) {
         mirror::begin(message_, Message::unknown);
@@ -82,7 +82,7 @@ void MirrorServer::Io::noteHeard(const std::string& identity) {
     if (heard_.empty() || heard_.back() != identity) heard_.push_back(identity);
 }
 
-/// `peer` is the asker, or stands for an audience with the asker in it.
+/// `peer` is the asker, or stands for an broadcast with the asker in it.
 void MirrorServer::Io::handleOf(Peer& peer, Asker& asker, Message type, wire::Reader& in,
                                 std::span<const std::byte> bytes, std::span<const std::byte> body) {
     switch (type) {
@@ -97,8 +97,8 @@ void MirrorServer::Io::handleOf(Peer& peer, Asker& asker, Message type, wire::Re
             peer.ackedBytes = numbers[2];
             peer.awaitedAt = clock_.now();  // a peer that acknowledges by itself need not be asked
             peer.pace.acknowledged(numbers[2], peer.awaitedAt);
-            // What an audience's joiners get is older than what it has.
-            peer.ackedState = peer.audience ? std::max(peer.ackedState, numbers[1]) : numbers[1];
+            // What an broadcast's joiners get is older than what it has.
+            peer.ackedState = peer.broadcast ? std::max(peer.ackedState, numbers[1]) : numbers[1];
             break;
         }
         case Message::ping: {
@@ -115,7 +115,7 @@ void MirrorServer::Io::handleOf(Peer& peer, Asker& asker, Message type, wire::Re
             if (in.number<std::uint64_t>() != asker.session) break;
             if (&asker == &peer)
                 question(peer, bytes);
-            else if (auto& questions = peer.audience->questions; questions.size() < kMaxWaitingQuestions)
+            else if (auto& questions = peer.broadcast->questions; questions.size() < kMaxWaitingQuestions)
                 questions.push_back({asker.identity, asker.session, {bytes.begin(), bytes.end()}});
             break;
         case Message::submit:
@@ -190,12 +190,12 @@ void MirrorServer::Io::takeKeys() {
         for (auto& [identity, asker] : askers) asker.upstream = upstreamOf(asker.user);
         std::erase_if(askers, [&](const auto& a) {
             if constexpr (std::same_as<std::decay_t<decltype(a.second)>, Peer>)
-                if (a.second.audience) return false;
+                if (a.second.broadcast) return false;
             return !isListed(a.second.user) && (refuse(a.first, kNotListed, true), true);
         });
     };
     for (auto& [identity, peer] : peers_)
-        if (peer.audience) judge(peer.audience->members);
+        if (peer.broadcast) judge(peer.broadcast->members);
     judge(peers_);
 }
 
@@ -235,8 +235,8 @@ std::optional<std::uint32_t> MirrorServer::Io::streamFor(const mirror::Hello& he
     return part;
 }
 
-/// The name of the peer's key in the key file, else the name it gives itself; in an audience both, or its name behind
-/// the audience's.
+/// The name of the peer's key in the key file, else the name it gives itself; in an broadcast both, or its name behind
+/// the broadcast's.
 std::string MirrorServer::Io::authorOf(const mirror::Hello& hello, const std::string& user,
                                        const std::string& by) const {
     const std::string name = hello.name.empty() ? fmt::format("peer-{:04x}", hello.wishes.client & 0xFFFF) : hello.name;
@@ -487,7 +487,7 @@ SharedRecord MirrorServer::Io::nextFor(Peer& peer) {
         peer.asking = false;
         peer.answer.reset();
         peer.held = 0;
-        if (!peer.audience) {
+        if (!peer.broadcast) {
             next = keyframeFor(peer);
         } else {
             // Whoever lacks what came before asks for it.
@@ -525,7 +525,7 @@ SharedRecord MirrorServer::Io::nextFor(Peer& peer) {
 bool MirrorServer::Io::deliverAnswer(Peer& peer) {
     MirrorShadow::Answer& answer = *peer.answer;
     const bool merged = answer.kind == Kind::merge;
-    if (peer.audience && !addressAnswer(peer, merged)) {
+    if (peer.broadcast && !addressAnswer(peer, merged)) {
         peer.asking = false;
         peer.answer.reset();
         return true;
@@ -552,7 +552,7 @@ bool MirrorServer::Io::deliverAnswer(Peer& peer) {
             there = sendTo(peer.to, *answer.message);
         }
     }
-    if (peer.audience && !merged) peer.audience->questions.pop_front();
+    if (peer.broadcast && !merged) peer.broadcast->questions.pop_front();
     peer.answer = std::exchange(peer.after, std::nullopt);
     peer.asking = peer.answer.has_value();
     return there;
@@ -574,7 +574,7 @@ bool MirrorServer::Io::deliverVerdicts(Peer& peer) {
 /// The record in a coding that this peer can read. After a keyframe or merged frames a peer lacks what predictions
 /// refer to. It gets raw frames until the next kForget, which is asked for here.
 SharedRecord MirrorServer::Io::codedFor(Peer& peer, SharedRecord record) {
-    if (!record || record->header.from == record->header.to || peer.audience) return record;
+    if (!record || record->header.from == record->header.to || peer.broadcast) return record;
     const bool predicted = record->predicted != nullptr;
     peer.remembers = predicted && (peer.remembers || record->predicted->header.flags & kForget);
     if (peer.remembers) return record->predicted;
@@ -605,7 +605,7 @@ bool MirrorServer::Io::sendChunk(Peer& peer) {
     const Clock::time_point now = clock_.now();
     const std::size_t maximum = std::min(peer.longest, peer.pace.chunk(kChunk, now));
     const std::span<const std::byte> part = whole.subspan(peer.sent, std::min(maximum, whole.size() - peer.sent));
-    const bool later = peer.audience || (part.size() == whole.size() && mayWait(peer, part.size(), now));
+    const bool later = peer.broadcast || (part.size() == whole.size() && mayWait(peer, part.size(), now));
     const std::uint64_t numbers[] = {peer.toSession, whole.size(), peer.sent, peer.sending->published, later};
     mirror::write(message_, Message::data, numbers);
     if (!sendTo(peer.to, message_, part, peer.sending)) return false;
@@ -655,11 +655,11 @@ bool MirrorServer::Io::mayPass(Peer& peer) {
 }
 
 bool MirrorServer::Io::pump(Peer& peer) {
-    if (peer.audience) askNext(peer);
+    if (peer.broadcast) askNext(peer);
     while (mayPass(peer)) {
         if (peer.answer && !peer.sending && !peer.then && !deliverAnswer(peer)) return false;
         if (!peer.sending) {
-            if (peer.audience) {
+            if (peer.broadcast) {
                 peer.to = peer.identity;
                 peer.toSession = 0;
                 answerJoiners(peer);

@@ -1,6 +1,6 @@
-// Door: a server of HTTP and WebSockets: it listens, reads requests, and keeps the conversations that begin by one.
+// HttpServer: a server of HTTP and WebSockets: it listens, reads requests, and keeps the connections that begin by one.
 //
-// Invariant: one message of each conversation waits here, and the next is read when that was taken. Silence keeps
+// Invariant: one message of each connection waits here, and the next is read when that was taken. Silence keeps
 // nobody out: the oldest connection that says nothing makes room. Threading: everything belongs to the thread that runs
 // the io_context, except the functions of which it is said.
 #pragma once
@@ -36,48 +36,48 @@ inline std::string textOf(beast::string_view text) {
     return {text.data(), text.size()};
 }
 
-class Conversation;
+class WebSocketConnection;
 class Stream;
 class Visit;
 
-struct DoorRules {
+struct HttpServerRules {
     bool loopback = true;           // it listens there
     std::size_t maximumVisits = 0;  // connections without a WebSocket
     std::chrono::milliseconds requestTimeout{0};
     std::chrono::milliseconds silence{0};  // who does not even answer pings for so long is dropped
     std::string protocol;                  // the subprotocol of WebSockets; empty: none
     std::size_t longestIncoming = 0;       // bytes of a message; a longer one ends the connection
-    std::size_t maxQueued = 0;             // bytes that wait for one conversation
+    std::size_t maxQueued = 0;             // bytes that wait for one connection
 };
 
 /// The host in the request's one Host field, without its port. Empty if there are none or several, or it is no host
 /// name (RFC 9112, 3.2). HTTP/1.0 requests may lack it: "".
 std::optional<std::string> hostOf(const Request& request);
 
-class Door {
+class HttpServer {
   public:
-    explicit Door(DoorRules rules) : rules_(std::move(rules)) {}
+    explicit HttpServer(HttpServerRules rules) : rules_(std::move(rules)) {}
     /// Whoever derives from it calls close() before.
-    virtual ~Door() = default;
-    Door(const Door&) = delete;
-    Door& operator=(const Door&) = delete;
+    virtual ~HttpServer() = default;
+    HttpServer(const HttpServer&) = delete;
+    HttpServer& operator=(const HttpServer&) = delete;
 
-    const DoorRules& rules() const { return rules_; }
+    const HttpServerRules& rules() const { return rules_; }
     net::io_context& io() { return io_; }
     /// Null without encryption.
     net::ssl::context* tls() { return tls_.get(); }
 
-    // Used by visits and conversations.
+    // Used by visits and connections.
     virtual void answer(const std::shared_ptr<Visit>& visit, Request request) = 0;
     /// What was no request, and a handshake that failed.
     virtual void refuse(std::string why) = 0;
-    virtual void begun(Conversation&) {}
-    /// Returns false if the message ends the conversation; else it is taken, and then resumeSoon() is called.
-    virtual bool heard(Conversation& from, std::string message, bool isText) = 0;
-    virtual void ended(Conversation& conversation) = 0;
+    virtual void begun(WebSocketConnection&) {}
+    /// Returns false if the message ends the connection; else it is taken, and then resumeSoon() is called.
+    virtual bool heard(WebSocketConnection& from, std::string message, bool isText) = 0;
+    virtual void ended(WebSocketConnection& connection) = 0;
     void came(Visit* visit) { visits_.push_back(visit); }
     void went(Visit* visit) { std::erase(visits_, visit); }
-    void went(Conversation& conversation);
+    void went(WebSocketConnection& connection);
 
   protected:
     struct Message {
@@ -87,7 +87,7 @@ class Door {
         bool bytes = true;
         std::size_t size() const { return head.size() + second.size(); }
     };
-    friend class Conversation;
+    friend class WebSocketConnection;
 
     /// Precondition: the acceptor listens.
     void open();
@@ -98,7 +98,7 @@ class Door {
     /// On loopback, and behind a proxy on this machine, all users have one address.
     bool isShared(const std::string& source) const;
     void begin(Stream&& stream, Request request, std::string source);
-    const std::map<std::uint64_t, std::shared_ptr<Conversation>>& conversations() const { return conversations_; }
+    const std::map<std::uint64_t, std::shared_ptr<WebSocketConnection>>& connections() const { return connections_; }
 
     // On any thread.
     std::size_t count() const { return count_; }
@@ -117,7 +117,7 @@ class Door {
     bool makeRoomFor(const std::string& source);
     void stop();
 
-    const DoorRules rules_;
+    const HttpServerRules rules_;
     std::atomic<std::size_t> count_{0};
     std::vector<Visit*> visits_;  // oldest first
     bool stopping_ = false;
@@ -127,7 +127,7 @@ class Door {
     net::io_context io_{1};
     Tcp::acceptor acceptor_{io_};
     net::steady_timer deadline_{io_}, again_{io_};
-    std::map<std::uint64_t, std::shared_ptr<Conversation>> conversations_;  // go before the io_context
+    std::map<std::uint64_t, std::shared_ptr<WebSocketConnection>> connections_;  // go before the io_context
     std::thread thread_;
 };
 

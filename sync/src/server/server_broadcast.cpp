@@ -11,8 +11,8 @@ using mirror::Message;
 namespace {
 
 constexpr std::size_t kMaxMembers = 20000;
-constexpr std::uint64_t kAudienceWindow = std::uint64_t{64} << 20;  // bytes that the listener has not sent yet
-constexpr auto kJoinersGather = 50ms;                               // from one state that is sent to the next
+constexpr std::uint64_t kBroadcastWindow = std::uint64_t{64} << 20;  // bytes that the listener has not sent yet
+constexpr auto kJoinersGather = 50ms;                                // from one state that is sent to the next
 // A short question may have a long answer, and anybody may ask.
 constexpr double kAnswersAtOnce = 128e6, kAnswersPerSecond = 32e6;  // bytes
 constexpr auto kForgotten = 120s;                                   // a member of which nothing was heard
@@ -21,10 +21,10 @@ constexpr auto kPruneEvery = 10s;
 }  // namespace
 
 /// The listener's own connection stands for all members. They are those of this run of the scene.
-void MirrorServer::Io::openAudience(std::size_t listener) {
+void MirrorServer::Io::openBroadcast(std::size_t listener) {
     const std::string identity(1, static_cast<char>(listener));
     Peer& peer = peers_[identity];
-    const bool isNew = !peer.audience;  // else the listener counts on
+    const bool isNew = !peer.broadcast;  // else the listener counts on
     const std::uint64_t sent = peer.sentBytes, acknowledged = peer.ackedBytes;
     MirrorPace pace =
         isNew ? MirrorPace(0, static_cast<double>(shared_->options.maxBytesPerSecond)) : std::move(peer.pace);
@@ -36,69 +36,69 @@ void MirrorServer::Io::openAudience(std::size_t listener) {
     peer.identity = peer.to = identity;
     peer.author = endpoint.substr(0, endpoint.find(':'));
     peer.longest = listeners_[listener]->broadcasts();
-    peer.window = kAudienceWindow;
+    peer.window = kBroadcastWindow;
     peer.heard = peer.spoken = clock_.now();
-    peer.audience = std::make_unique<Audience>();
-    peer.audience->allowed = clock_.now();
-    peer.audience->allowance = kAnswersAtOnce;
+    peer.broadcast = std::make_unique<BroadcastGroup>();
+    peer.broadcast->allowed = clock_.now();
+    peer.broadcast->allowance = kAnswersAtOnce;
     statistics_.maxPeers = std::max(statistics_.maxPeers, peers_.size());
 }
 
 /// Null if peers of that listener read by themselves.
-MirrorServer::Io::Peer* MirrorServer::Io::audienceOf(const std::string& identity) {
+MirrorServer::Io::Peer* MirrorServer::Io::broadcastOf(const std::string& identity) {
     const auto found = peers_.find(std::string_view(identity).substr(0, 1));
-    return found != peers_.end() && found->second.audience ? &found->second : nullptr;
+    return found != peers_.end() && found->second.broadcast ? &found->second : nullptr;
 }
 
 /// Null if this client is none of the peer's.
 MirrorServer::Io::Asker* MirrorServer::Io::askerIn(Peer& peer, std::uint64_t client) {
-    if (!peer.audience) return peer.client == client ? &peer : nullptr;
-    const auto found = peer.audience->clients.find(client);
-    if (found == peer.audience->clients.end()) return nullptr;
-    const auto member = peer.audience->members.find(found->second);
-    return member == peer.audience->members.end() ? nullptr : &member->second;
+    if (!peer.broadcast) return peer.client == client ? &peer : nullptr;
+    const auto found = peer.broadcast->clients.find(client);
+    if (found == peer.broadcast->clients.end()) return nullptr;
+    const auto member = peer.broadcast->members.find(found->second);
+    return member == peer.broadcast->members.end() ? nullptr : &member->second;
 }
 
 /// A member gets what it missed by itself, or a state together with others; then it goes on with what all read.
 void MirrorServer::Io::join(Peer& all, const std::string& identity, const mirror::Hello& hello,
                             const std::string& user) {
-    Audience& audience = *all.audience;
+    BroadcastGroup& broadcast = *all.broadcast;
     if (!isListed(user)) return refuse(identity, kNotListed, true);
-    if (audience.members.size() >= kMaxMembers && !audience.members.contains(identity))
+    if (broadcast.members.size() >= kMaxMembers && !broadcast.members.contains(identity))
         return refuse(identity, "the server has as many peers as it takes");
     leave(all, identity);
-    introduce(audience.members[identity], identity, hello, user, all.author);
-    audience.clients[hello.wishes.client] = identity;
+    introduce(broadcast.members[identity], identity, hello, user, all.author);
+    broadcast.clients[hello.wishes.client] = identity;
     if (hello.epoch == shared_->epoch && hello.sequence <= all.state &&
         history_.continues(hello.sequence, hello.wishes.hash))
-        audience.resuming.emplace_back(identity, hello.sequence);
+        broadcast.resuming.emplace_back(identity, hello.sequence);
     else
-        audience.stateWanted = true;
+        broadcast.stateWanted = true;
     news_ = true;
 }
 
 void MirrorServer::Io::leave(Peer& all, const std::string& identity) {
-    Audience& audience = *all.audience;
-    const auto member = audience.members.find(identity);
-    if (member == audience.members.end()) return;
-    const auto client = audience.clients.find(member->second.client);
-    if (client != audience.clients.end() && client->second == identity) audience.clients.erase(client);
-    audience.members.erase(member);
+    BroadcastGroup& broadcast = *all.broadcast;
+    const auto member = broadcast.members.find(identity);
+    if (member == broadcast.members.end()) return;
+    const auto client = broadcast.clients.find(member->second.client);
+    if (client != broadcast.clients.end() && client->second == identity) broadcast.clients.erase(client);
+    broadcast.members.erase(member);
 }
 
 void MirrorServer::Io::forgetSilent(Peer& all, Clock::time_point now) {
-    if (now - all.audience->pruned < kPruneEvery) return;
-    all.audience->pruned = now;
+    if (now - all.broadcast->pruned < kPruneEvery) return;
+    all.broadcast->pruned = now;
     std::vector<std::string> silent;
-    for (const auto& [identity, member] : all.audience->members)
+    for (const auto& [identity, member] : all.broadcast->members)
         if (now - member.heard > kForgotten) silent.push_back(identity);
     for (const std::string& identity : silent) leave(all, identity);
 }
 
 /// Asks the members' next question, as if the peer asked it. Meanwhile nothing is sent, as to any peer that asks.
 void MirrorServer::Io::askNext(Peer& all) {
-    if (all.audience->questions.empty() || !all.placed || !mayAsk(all)) return;
-    question(all, all.audience->questions.front().text);
+    if (all.broadcast->questions.empty() || !all.placed || !mayAsk(all)) return;
+    question(all, all.broadcast->questions.front().text);
 }
 
 /// Says who reads what comes next: all read merged frames, and the asker the answer to the question. False if nobody
@@ -107,8 +107,8 @@ bool MirrorServer::Io::addressAnswer(Peer& all, bool merged) {
     all.to = all.identity;
     all.toSession = 0;
     if (merged) return true;
-    if (all.audience->questions.empty()) return false;
-    const Audience::Question& question = all.audience->questions.front();
+    if (all.broadcast->questions.empty()) return false;
+    const BroadcastGroup::Question& question = all.broadcast->questions.front();
     all.to = question.asker;
     all.toSession = question.session;
     return true;
@@ -116,26 +116,26 @@ bool MirrorServer::Io::addressAnswer(Peer& all, bool merged) {
 
 /// To be called while no record is partly sent.
 void MirrorServer::Io::answerJoiners(Peer& all) {
-    Audience& audience = *all.audience;
+    BroadcastGroup& broadcast = *all.broadcast;
     const Clock::time_point now = clock_.now();
-    const double earned = std::chrono::duration<double>(now - audience.allowed).count() * kAnswersPerSecond;
-    audience.allowance = std::min(kAnswersAtOnce, audience.allowance + earned);
-    audience.allowed = now;
+    const double earned = std::chrono::duration<double>(now - broadcast.allowed).count() * kAnswersPerSecond;
+    broadcast.allowance = std::min(kAnswersAtOnce, broadcast.allowance + earned);
+    broadcast.allowed = now;
     if (!all.placed) return;
-    for (const auto& [identity, state] : std::exchange(audience.resuming, {})) {
-        if (audience.allowance < 0) break;  // they ask again
+    for (const auto& [identity, state] : std::exchange(broadcast.resuming, {})) {
+        if (broadcast.allowance < 0) break;  // they ask again
         if (!history_.continues(state)) {
-            audience.stateWanted = true;
+            broadcast.stateWanted = true;
             continue;
         }
         ++statistics_.resumed;
         sendState(all, identity, state, nullptr);
     }
-    if (!audience.stateWanted || audience.allowance < 0 || now - audience.stateSent < kJoinersGather) return;
+    if (!broadcast.stateWanted || broadcast.allowance < 0 || now - broadcast.stateSent < kJoinersGather) return;
     const SharedRecord keyframe = keyframeFor(all);
     if (!keyframe || keyframe->header.to > all.state) return;  // those between come first
-    audience.stateWanted = false;
-    audience.stateSent = now;
+    broadcast.stateWanted = false;
+    broadcast.stateSent = now;
     std::string joiners = all.identity;
     joiners += Listener::kJoiners;
     sendState(all, joiners, keyframe->header.to, keyframe);
@@ -158,7 +158,7 @@ void MirrorServer::Io::sendState(Peer& all, const std::string& to, std::uint64_t
         }
         all.sentBytes += whole.size();
         statistics_.bytes += whole.size();
-        all.audience->allowance -= static_cast<double>(whole.size());
+        all.broadcast->allowance -= static_cast<double>(whole.size());
     }
     all.pace.sent(all.sentBytes, clock_.now(), false);
     const std::uint64_t state[] = {all.state, all.state, 0};

@@ -1,5 +1,5 @@
 // Shakes hands, then passes messages both ways.
-#include "conversation.h"
+#include "web_socket_connection.h"
 
 #include <array>
 
@@ -13,12 +13,16 @@ constexpr auto kClosesWithin = std::chrono::seconds(1);
 
 }  // namespace
 
-Conversation::Conversation(Door& door, std::uint64_t number, Stream&& stream, std::string source)
-    : door_(door), number_(number), source_(std::move(source)), socket_(std::move(stream)), farewell_(door.io()) {}
+WebSocketConnection::WebSocketConnection(HttpServer& server, std::uint64_t number, Stream&& stream, std::string source)
+    : server_(server),
+      number_(number),
+      source_(std::move(source)),
+      socket_(std::move(stream)),
+      farewell_(server.io()) {}
 
-void Conversation::begin(Request request) {
+void WebSocketConnection::begin(Request request) {
     request_ = std::move(request);
-    const DoorRules& rules = door_.rules();
+    const HttpServerRules& rules = server_.rules();
     websocket::stream_base::timeout patience{};
     patience.handshake_timeout = rules.requestTimeout;
     patience.idle_timeout = rules.silence;
@@ -26,7 +30,7 @@ void Conversation::begin(Request request) {
     socket_.set_option(patience);
     if (!rules.protocol.empty())
         socket_.set_option(websocket::stream_base::decorator([this](websocket::response_type& response) {
-            response.set(http::field::sec_websocket_protocol, door_.rules().protocol);
+            response.set(http::field::sec_websocket_protocol, server_.rules().protocol);
         }));
     socket_.read_message_max(rules.longestIncoming);
     socket_.auto_fragment(false);
@@ -36,38 +40,38 @@ void Conversation::begin(Request request) {
     socket_.async_accept(request_, Ended([self = shared_from_this()](beast::error_code error) {
                              if (self->gone_) return;
                              if (error) {
-                                 self->door_.refuse("a handshake failed: " + error.message());
+                                 self->server_.refuse("a handshake failed: " + error.message());
                                  return self->leave();
                              }
                              self->accepted_ = true;
-                             self->door_.begun(*self);
+                             self->server_.begun(*self);
                              self->read();
                              self->write();
                          }));
 }
 
-void Conversation::read() {
+void WebSocketConnection::read() {
     socket_.async_read(incoming_, Moved([self = shared_from_this()](beast::error_code error, std::size_t) {
                            if (error || self->gone_) return self->leave();
                            self->spoke_ = true;
                            const auto bytes = self->incoming_.data();
                            std::string message(static_cast<const char*>(bytes.data()), bytes.size());
                            self->incoming_.consume(bytes.size());
-                           if (!self->door_.heard(*self, std::move(message), self->socket_.got_text())) self->leave();
+                           if (!self->server_.heard(*self, std::move(message), self->socket_.got_text())) self->leave();
                        }));
 }
 
-void Conversation::resume() {
+void WebSocketConnection::resume() {
     if (!gone_ && !ending_) read();
 }
 
-void Conversation::push(Door::Message message) {
+void WebSocketConnection::push(HttpServer::Message message) {
     if (gone_ || ending_) return;
     queue_.push_back(std::move(message));
     write();
 }
 
-void Conversation::write() {
+void WebSocketConnection::write() {
     if (writing_ || gone_ || !accepted_) return;  // end() may come while the answer is still being written
     if (queue_.empty()) {
         if (!ending_) return;
@@ -76,7 +80,7 @@ void Conversation::write() {
                                    Ended([self = shared_from_this()](beast::error_code) { self->leave(); }));
     }
     writing_ = true;
-    const Door::Message& message = queue_.front();
+    const HttpServer::Message& message = queue_.front();
     socket_.binary(message.bytes);
     const std::array<net::const_buffer, 2> parts{net::buffer(message.head),
                                                  net::buffer(message.second.data(), message.second.size())};
@@ -90,28 +94,28 @@ void Conversation::write() {
                         }));
 }
 
-void Conversation::end() {
+void WebSocketConnection::end() {
     ending_ = true;
     write();
 }
 
 /// Does not wait for a peer that says that it closes and then does not.
-void Conversation::leaveSoon() {
+void WebSocketConnection::leaveSoon() {
     farewell_.expires_after(kClosesWithin);
     farewell_.async_wait([weak = weak_from_this()](beast::error_code error) {
-        const std::shared_ptr<Conversation> self = weak.lock();
+        const std::shared_ptr<WebSocketConnection> self = weak.lock();
         if (self && !error) self->leave();
     });
 }
 
-void Conversation::leave() {
+void WebSocketConnection::leave() {
     if (std::exchange(gone_, true)) return;
     const auto self = shared_from_this();
     farewell_.cancel();
     beast::tcp_stream& connection = socket_.next_layer().tcp();
     connection.cancel();
     connection.close();
-    door_.went(*this);
+    server_.went(*this);
 }
 
 }  // namespace rtsg::web

@@ -1,7 +1,7 @@
-// Conversation: one WebSocket, from its handshake on, and the messages that wait for it.
+// WebSocketConnection: one WebSocket, from its handshake on, and the messages that wait for it.
 //
 // Invariant: what is sent waits here within the rules' bound; the bytes of records are the server's own.
-// Threading: the door's thread.
+// Threading: the server's thread.
 #pragma once
 
 #include <atomic>
@@ -13,16 +13,16 @@
 #include <boost/beast/core.hpp>
 #include <boost/beast/websocket.hpp>
 
-#include "door.h"
+#include "http_server.h"
 #include "stream.h"
 
 namespace rtsg::web {
 
-class Conversation : public std::enable_shared_from_this<Conversation> {
+class WebSocketConnection : public std::enable_shared_from_this<WebSocketConnection> {
   public:
-    Conversation(Door& door, std::uint64_t number, Stream&& stream, std::string source);
+    WebSocketConnection(HttpServer& server, std::uint64_t number, Stream&& stream, std::string source);
     void begin(Request request);
-    void push(Door::Message message);
+    void push(HttpServer::Message message);
     /// Its last message was taken.
     void resume();
     /// Sends what waits, then ends the connection properly.
@@ -47,7 +47,7 @@ class Conversation : public std::enable_shared_from_this<Conversation> {
     void write();
     void leaveSoon();
 
-    Door& door_;
+    HttpServer& server_;
     const std::uint64_t number_;
     const std::string source_;
     const std::chrono::steady_clock::time_point since_ = std::chrono::steady_clock::now();
@@ -55,7 +55,7 @@ class Conversation : public std::enable_shared_from_this<Conversation> {
     net::steady_timer farewell_;
     Request request_;
     beast::flat_buffer incoming_;
-    std::deque<Door::Message> queue_;
+    std::deque<HttpServer::Message> queue_;
     const std::shared_ptr<std::atomic<std::size_t>> queued_ = std::make_shared<std::atomic<std::size_t>>(0);
     bool accepted_ = false, writing_ = false, ending_ = false, gone_ = false, spoke_ = false;
 };

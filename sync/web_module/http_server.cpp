@@ -1,11 +1,11 @@
-// Listens, makes room for those who come, and hands messages to conversations.
-#include "door.h"
+// Listens, makes room for those who come, and hands messages to connections.
+#include "http_server.h"
 
 #include <algorithm>
 
-#include "conversation.h"
 #include "sockets/http_host.h"
 #include "visit.h"
+#include "web_socket_connection.h"
 
 namespace rtsg::web {
 
@@ -14,25 +14,25 @@ namespace {
 constexpr std::size_t kMaxOfSource = 64;         // connections without a WebSocket of one address of another machine
 constexpr auto kSlow = std::chrono::seconds(5);  // answers that take longer may be cut off
 constexpr const char* kSilentCrowd = "too many connections say nothing";
-constexpr auto kDoorFarewell = std::chrono::milliseconds(500);
+constexpr auto kHttpFarewell = std::chrono::milliseconds(500);
 constexpr auto kAcceptAgain = std::chrono::milliseconds(50);  // after the system had no descriptor left
 
 }  // namespace
 
-void Door::open() {
+void HttpServer::open() {
     accept();
     thread_ = std::thread([this] { io_.run(); });
 }
 
-void Door::close() {
+void HttpServer::close() {
     if (!thread_.joinable()) return;
     net::post(io_, [this] { stop(); });
     thread_.join();
-    const auto late = conversations_;
-    for (const auto& [number, conversation] : late) conversation->leave();
+    const auto late = connections_;
+    for (const auto& [number, connection] : late) connection->leave();
 }
 
-void Door::accept() {
+void HttpServer::accept() {
     acceptor_.async_accept([this](beast::error_code error, Tcp::socket socket) {
         if (stopping_ || error == net::error::operation_aborted) return;
         if (error) {
@@ -50,7 +50,7 @@ void Door::accept() {
     });
 }
 
-bool Door::isShared(const std::string& source) const {
+bool HttpServer::isShared(const std::string& source) const {
     beast::error_code error;
     const auto address = net::ip::make_address(source, error);
     return rules_.loopback || (!error && address.is_loopback());
@@ -58,7 +58,7 @@ bool Door::isShared(const std::string& source) const {
 
 /// Closes a connection if there are too many: the oldest of the address that has most. First choice is one without a
 /// request yet, then an idle one, then one that takes its answer slowly. Returns false if all are busy.
-bool Door::makeRoomFor(const std::string& source) {
+bool HttpServer::makeRoomFor(const std::string& source) {
     std::map<std::string, std::size_t> bySource;
     for (const Visit* visit : visits_) ++bySource[visit->source()];
     const bool hasQuota = !isShared(source) && bySource[source] >= kMaxOfSource;
@@ -79,41 +79,41 @@ bool Door::makeRoomFor(const std::string& source) {
     return false;
 }
 
-void Door::stop() {
+void HttpServer::stop() {
     stopping_ = true;
     beast::error_code ignored;
     (void)acceptor_.close(ignored);
-    deadline_.expires_after(kDoorFarewell);
+    deadline_.expires_after(kHttpFarewell);
     deadline_.async_wait([this](beast::error_code) { io_.stop(); });
-    const auto now = conversations_;
-    for (const auto& [number, conversation] : now) conversation->end();
-    if (conversations_.empty()) io_.stop();
+    const auto now = connections_;
+    for (const auto& [number, connection] : now) connection->end();
+    if (connections_.empty()) io_.stop();
 }
 
-void Door::begin(Stream&& stream, Request request, std::string source) {
+void HttpServer::begin(Stream&& stream, Request request, std::string source) {
     const std::uint64_t number = ++last_;
-    const auto conversation = std::make_shared<Conversation>(*this, number, std::move(stream), std::move(source));
-    conversations_.emplace(number, conversation);
-    count_ = conversations_.size();
+    const auto connection = std::make_shared<WebSocketConnection>(*this, number, std::move(stream), std::move(source));
+    connections_.emplace(number, connection);
+    count_ = connections_.size();
     {
         const std::scoped_lock lock(mutex_);
-        queued_.emplace(number, conversation->queued());
+        queued_.emplace(number, connection->queued());
     }
-    conversation->begin(std::move(request));
+    connection->begin(std::move(request));
 }
 
-void Door::went(Conversation& conversation) {
+void HttpServer::went(WebSocketConnection& connection) {
     {
         const std::scoped_lock lock(mutex_);
-        queued_.erase(conversation.number());
+        queued_.erase(connection.number());
     }
-    ended(conversation);
-    conversations_.erase(conversation.number());
-    count_ = conversations_.size();
-    if (stopping_ && conversations_.empty()) io_.stop();
+    ended(connection);
+    connections_.erase(connection.number());
+    count_ = connections_.size();
+    if (stopping_ && connections_.empty()) io_.stop();
 }
 
-bool Door::hasRoom(std::uint64_t number, std::size_t bytes) const {
+bool HttpServer::hasRoom(std::uint64_t number, std::size_t bytes) const {
     const std::scoped_lock lock(mutex_);
     const auto found = queued_.find(number);
     if (found == queued_.end()) return false;
@@ -121,33 +121,33 @@ bool Door::hasRoom(std::uint64_t number, std::size_t bytes) const {
     return waiting == 0 || waiting + bytes <= rules_.maxQueued;
 }
 
-bool Door::say(std::uint64_t number, Message message) {
+bool HttpServer::say(std::uint64_t number, Message message) {
     if (!hasRoom(number, message.size())) return false;
     {
         const std::scoped_lock lock(mutex_);
         if (const auto found = queued_.find(number); found != queued_.end()) *found->second += message.size();
     }
     net::post(io_, [this, number, message = std::move(message)]() mutable {
-        if (const auto found = conversations_.find(number); found != conversations_.end())
+        if (const auto found = connections_.find(number); found != connections_.end())
             found->second->push(std::move(message));
     });
     return true;
 }
 
-void Door::resumeSoon(std::uint64_t number) {
+void HttpServer::resumeSoon(std::uint64_t number) {
     net::post(io_, [this, number] {
-        if (const auto found = conversations_.find(number); found != conversations_.end()) found->second->resume();
+        if (const auto found = connections_.find(number); found != connections_.end()) found->second->resume();
     });
 }
 
-void Door::leaveSoon(std::uint64_t number) {
+void HttpServer::leaveSoon(std::uint64_t number) {
     net::post(io_, [this, number] {
-        if (const auto found = conversations_.find(number); found != conversations_.end())
+        if (const auto found = connections_.find(number); found != connections_.end())
             std::shared_ptr(found->second)->leave();
     });
 }
 
-bool Door::knowsHost(const Request& request) const {
+bool HttpServer::knowsHost(const Request& request) const {
     return !rules_.loopback || detail::isThisMachine(hostOf(request).value_or(""));
 }
 
