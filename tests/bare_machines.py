@@ -162,7 +162,7 @@ def try_packages(folder, cache, faults, suites):
                 if package == "rtsg":
                     use_packages(machine, listed)
                 ours = " ".join(re.findall(r"^Package: (\S+)", listed, re.M))
-                machine.check(f"apt-get purge -y -qq --autoremove {ours} '?automatic'", network=True)
+                machine.check(f"apt-get purge -y -qq --autoremove {ours} g++ cmake '?automatic'", network=True)
                 faults += [f"{suite}: left after the purge of {package}: {path}" for path in sorted(files_of(machine) - before)[:20]]
 
 
@@ -178,6 +178,11 @@ def use_packages(machine, listed):
     machine.check("rtsg render examples/door.x3dv -o door.gif --frames 2 --size 32x18 && rtsg render examples/door.x3dv -o door.mp4 --frames 2 --size 32x18")
     (machine.root / "root/try.py").write_text(IN_PYTHON)
     machine.check("python3 try.py")
+    # The tests that a distribution runs of installed packages.
+    shutil.copytree(ROOT / "debian/tests", machine.root / "root/tests")
+    machine.check("apt-get install -y -qq --no-install-recommends g++ cmake", network=True)
+    for test in re.findall(r"^Tests: (\S+)", (ROOT / "debian/tests/control").read_text(), re.M):
+        machine.check(f"mkdir /tmp/{test} && AUTOPKGTEST_TMP=/tmp/{test} tests/{test}")
 
 
 def try_archive(folder, cache, faults, suites):
