@@ -2,6 +2,8 @@
 
 import {Matrix4, Quaternion, Vector3} from 'three';
 
+const kMostPoints = 2_000_000;
+
 const vectors = (list, size) => Array.from({length: Math.floor(list.length / size)}, (_, i) => list.slice(size * i, size * i + size));
 
 /** Of each point of the spine, the axes x, y and z of its plane. */
@@ -39,6 +41,7 @@ export function extrude(node) {
   const section = vectors(node.get('crossSection'), 2), spine = vectors(node.get('spine'), 3).map((p) => new Vector3(...p));
   const scales = vectors(node.get('scale'), 2), turns = vectors(node.get('orientation'), 4);
   const points = [], texture = [], faces = [], n = section.length, rings = spine.length;
+  if (n * rings > kMostPoints) throw new RangeError(`an Extrusion of ${n * rings} points`);
   if (n < 2 || rings < 2) return {points: new Float32Array(0), texture: new Float32Array(0), faces};
   const along = lengths(spine.map((p) => p.toArray())), across = lengths(section);
   frames(spine).forEach(([x, y, z], i) => {

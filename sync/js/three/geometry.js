@@ -9,6 +9,8 @@ import {extrude} from './extrusion.js';
 
 /** How curved primitives are divided. */
 const kAround = 32, kAcross = 16;
+/** Faces around a point from which on all of them are smoothed together: to compare each with each would take too long. */
+const kMostAround = 1000;
 const kCrease = Math.PI;  // of types without a crease angle: all is smooth
 
 /** A geometry's arrays: `kind` is triangles, lines or points. */
@@ -90,16 +92,19 @@ function creasedNormals(faces, points, crease) {
     if (!around.has(point)) around.set(point, []);
     around.get(point).push(f);
   }));
-  const least = Math.cos(Math.min(crease, Math.PI)) - 1e-6;
+  const least = Math.cos(Math.min(crease, Math.PI)) - 1e-6, means = new Map();
   return faces.map((face, f) => face.map(([point]) => {
     if (crease <= 0) return own[f];
-    const sum = [0, 0, 0], [a, b, c] = own[f];
-    for (const g of around.get(point)) {
+    const [a, b, c] = own[f], all = around.get(point), isEasy = crease >= Math.PI || all.length > kMostAround;
+    if (isEasy && means.has(point)) return means.get(point);
+    const sum = [0, 0, 0];
+    for (const g of all) {
       const [x, y, z, weight] = own[g];
-      if (g === f || a * x + b * y + c * z >= least) sum[0] += weight * x, sum[1] += weight * y, sum[2] += weight * z;
+      if (g === f || isEasy || a * x + b * y + c * z >= least) sum[0] += weight * x, sum[1] += weight * y, sum[2] += weight * z;
     }
-    const length = Math.hypot(...sum);
-    return length > 0 ? sum.map((s) => s / length) : own[f];
+    const length = Math.hypot(...sum), mean = length > 0 ? sum.map((s) => s / length) : own[f];
+    if (isEasy) means.set(point, mean);
+    return mean;
   }));
 }
 
@@ -157,17 +162,18 @@ const kFaces = {
   IndexedTriangleSet: (node) => chunks(node.get('index'), 3),
   QuadSet: (node, points) => chunks(count(points), 4),
   IndexedQuadSet: (node) => chunks(node.get('index'), 4),
-  TriangleStripSet: (node) => counted(node.get('stripCount')).flatMap(strip),
+  TriangleStripSet: (node, points) => counted(node.get('stripCount'), points).flatMap(strip),
   IndexedTriangleStripSet: (node) => runs(node.get('index')).flatMap(strip),
-  TriangleFanSet: (node) => counted(node.get('fanCount')).flatMap(fan),
+  TriangleFanSet: (node, points) => counted(node.get('fanCount'), points).flatMap(fan),
   IndexedTriangleFanSet: (node) => runs(node.get('index')).flatMap(fan),
 };
 function chunks(list, size) {
   return count(Math.floor(list.length / size)).map((i) => Array.from(list.slice(size * i, size * i + size)));
 }
-function counted(counts) {
+/** Rows of so many points each, as far as there are points. */
+function counted(counts, points) {
   let at = 0;
-  return Array.from(counts, (n) => count(n).map(() => at++));
+  return Array.from(counts, (n) => count(Math.max(0, Math.min(n, points - at))).map(() => at++));
 }
 function strip(run) {
   return run.slice(2).map((_, k) => k % 2 ? [run[k + 1], run[k], run[k + 2]] : [run[k], run[k + 1], run[k + 2]]);
@@ -288,7 +294,10 @@ const kFlat = {
 
 const kMakers = {
   IndexedFaceSet: indexedFaceSet, ElevationGrid: elevationGrid, Extrusion: extrusion, IndexedLineSet: indexedLineSet, PointSet: pointSet,
-  LineSet: (node, child) => lines(counted(node.get('vertexCount')), new Given(node, child)),
+  LineSet: (node, child) => {
+    const given = new Given(node, child);
+    return lines(counted(node.get('vertexCount'), given.points.length / 3), given);
+  },
   ...Object.fromEntries(Object.keys(kFaces).map((name) => [name, faceSet])), ...kPrimitives, ...kFlat,
 };
 

@@ -152,6 +152,7 @@ export function makeTexture(node, encoded, pictureUrl, done) {
 }
 
 function fromPixels([width = 0, height = 0, lanes = 0, ...pixels]) {
+  if (width * height > pixels.length) width = height = 0;  // it says more than it has
   const data = new Uint8Array(4 * width * height);
   pixels.slice(0, width * height).forEach((pixel, i) => {
     const bytes = [24, 16, 8, 0].map((shift) => pixel >>> shift & 255).slice(4 - lanes);

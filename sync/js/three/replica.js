@@ -17,7 +17,7 @@ import {makeSky} from './sky.js';
 /** So many meshes of one geometry and material are drawn as one. */
 const kBatch = 16;
 /** Objects of one replica: USE in USE multiplies paths. */
-const kMostObjects = 500_000;
+const kMostObjects = 500_000, kDeepest = 500;
 const kMoving = new Set(['translation', 'rotation', 'scale', 'scaleOrientation', 'center']);
 
 const implementsType = (node, name) => node.type.name === name || node.type.implements.includes(name);
@@ -146,7 +146,7 @@ export class Replica extends Group {
     const now = [];
     for (const id of ids) {
       const kept = there.get(id)?.shift();
-      const child = kept ?? this.make(id, apart);
+      const child = kept ?? this.make(id, apart, 1 + (object.userData.depth ?? 0));
       if (!child) continue;
       if (!kept) this.attach(object, child);
       now.push(child);
@@ -160,19 +160,18 @@ export class Replica extends Group {
     this.moved.add(child);
   }
   /** An object of a node; null for one that is not shown. `apart`: three.js itself decides whether it is seen, so it is in no batch. */
-  make(id, apart) {
-    const node = this.node(id);
-    if (!node) return null;
-    if (++this.count > kMostObjects) {
-      if (!this.full) this.onTrouble(`more than ${kMostObjects} objects: the others are left out`);
+  make(id, apart, depth) {
+    const node = this.node(id), object = node && this.objectFor(node);
+    if (!object) return null;
+    if (this.count >= kMostObjects || depth > kDeepest) {
+      if (!this.full) this.onTrouble(`more than ${kMostObjects} objects, or more than ${kDeepest} in one another: the others are left out`);
       this.full = true;
       return null;
     }
-    const object = this.objectFor(node);
-    if (!object) return null;
+    ++this.count;
     object.matrixAutoUpdate = false;
     object.name = node.name;
-    object.userData = {id, apart, children: []};
+    object.userData = {id, apart, depth, children: []};
     if (!this.objects.has(id)) this.objects.set(id, new Set());
     this.objects.get(id).add(object);
     if (object.isLight) this.lights.add(object);
@@ -473,7 +472,13 @@ export class Replica extends Group {
   }
 
   makeGeometry({value, child}, node) {
-    const arrays = arraysOf(node, child), geometry = value ?? new BufferGeometry();
+    const geometry = value ?? new BufferGeometry();
+    let arrays = {kind: 'triangles', position: new Float32Array(0)};
+    try {
+      arrays = arraysOf(node, child);
+    } catch (error) {
+      this.onTrouble(`${node.type.name} ${node.id}: ${error.message}`);
+    }
     for (const [name, size] of [['position', 3], ['normal', 3], ['uv', 2], ['color', arrays.lanes]]) {
       const now = arrays[name], there = geometry.attributes[name];
       if (!now) geometry.deleteAttribute(name);
