@@ -22,6 +22,7 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent
 MIRROR = "http://deb.debian.org/debian"
 SUITES = ("bookworm", "trixie")
 LIMITS = {"librtsg-sync0.2": 25, "rtsg": 210}  # MB with all that they bring, without recommends
+ARCHIVE_LIMIT = 150  # MB unpacked
 # What README and getting started show, but for windows, browsers and films, in less time. The program is rtsg, and examples/ is here.
 USES = """
 rtsg info examples/demo/hall.x3dv
@@ -162,7 +163,7 @@ def try_packages(folder, cache, faults, suites):
                 if package == "rtsg":
                     use_packages(machine, listed)
                 ours = " ".join(re.findall(r"^Package: (\S+)", listed, re.M))
-                machine.check(f"apt-get purge -y -qq --autoremove {ours} g++ cmake '?automatic'", network=True)
+                machine.check(f"apt-get purge -y -qq --autoremove {ours} g++ cmake fonts-dejavu-core '?automatic'", network=True)
                 faults += [f"{suite}: left after the purge of {package}: {path}" for path in sorted(files_of(machine) - before)[:20]]
 
 
@@ -195,6 +196,9 @@ def try_archive(folder, cache, faults, suites):
                 place.mkdir(parents=True, exist_ok=True)
                 if home == "/opt":
                     subprocess.run(["tar", "--zstd", "-xf", archive, "-C", place], check=True)
+                    size = sum(file.stat().st_size for file in place.rglob("*") if file.is_file() and not file.is_symlink()) / 1e6
+                    if size > ARCHIVE_LIMIT:
+                        faults.append(f"{suite}: {archive.name} has {size:.0f} MB unpacked, and may have {ARCHIVE_LIMIT}")
                 else:
                     (machine.root / "opt" / archive.name.removesuffix(".tar.zst")).rename(place / archive.name.removesuffix(".tar.zst"))
                     (machine.root / "root").chmod(0o700)
