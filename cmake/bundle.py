@@ -33,7 +33,7 @@ SYSTEM = re.compile(r"^(ld-linux[\w-]*|linux-vdso|lib(c|m|dl|rt|pthread|resolv|u
 LEFT_OUT = {"rtsg-images": "TIFF, GIF, HDR and KTX2 files", "rtsg-films": "films and packed sounds", "rtsg-sofa": "responses as SOFA files",
             "rtsg-ogre": "pictures by OGRE", "rtsg-modellers": "Collada, FBX, 3DS and OFF files", "rtsg-fetch": "files from the web"}
 # Of the libraries for newer processors (x86-64-v3) those that trace: in the others most time goes elsewhere.
-TRACING = re.compile(r"^librtsg_(light|audio|world|geometry|images)\.so")
+TRACING = re.compile(r"^librtsg_(light|audio|world)\.so")
 NOT_IN_WHEELS = ("rtsg", "rtsg-window", "rtsg-web", "rtsg-mqtt")
 FONTS = pathlib.Path("/usr/share/fonts/truetype/dejavu")
 FONTS_CONF = """<?xml version="1.0"?>

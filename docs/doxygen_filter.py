@@ -127,6 +127,12 @@ def page(text, path):
     return "\n".join(out) + "\n"
 
 
+def example(path):
+    """So that pages of what the program uses lead to it."""
+    comment = itertools.takewhile(lambda line: line.startswith("//"), path.read_text(encoding="utf-8").splitlines())
+    return f"/** @example {path.name}\n{plain(' '.join(line[2:].strip() for line in comment))} */\n"
+
+
 def main():
     to = pathlib.Path(sys.argv[1])
     for path in (*sorted(ROOT.glob("*.md")), *sorted(ROOT.glob("docs/*.md")), *libraries.public_headers()):
@@ -134,6 +140,7 @@ def main():
         inside = path.relative_to(ROOT) if path.suffix == ".md" else pathlib.Path(*path.relative_to(ROOT).parts[-3:])
         (to / inside).parent.mkdir(parents=True, exist_ok=True)
         (to / inside).write_text(page(text, path) if path.suffix == ".md" else header(text), encoding="utf-8")
+    (to / "examples.h").write_text("".join(example(path) for path in (*sorted(ROOT.glob("examples/*.cpp")), *sorted(ROOT.glob("app/verbs/verb_*.cpp")))), encoding="utf-8")
 
 
 if __name__ == "__main__":
