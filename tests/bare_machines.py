@@ -163,7 +163,7 @@ def try_packages(folder, cache, faults, suites):
                 if package == "rtsg":
                     use_packages(machine, listed)
                 ours = " ".join(re.findall(r"^Package: (\S+)", listed, re.M))
-                machine.check(f"apt-get purge -y -qq --autoremove {ours} g++ cmake fonts-dejavu-core '?automatic'", network=True)
+                machine.check(f"apt-get purge -y -qq --autoremove {ours} g++ make cmake fonts-dejavu-core '?automatic'", network=True)
                 faults += [f"{suite}: left after the purge of {package}: {path}" for path in sorted(files_of(machine) - before)[:20]]
 
 
@@ -181,7 +181,7 @@ def use_packages(machine, listed):
     machine.check("python3 try.py")
     # The tests that a distribution runs of installed packages.
     shutil.copytree(ROOT / "debian/tests", machine.root / "root/tests")
-    machine.check("apt-get install -y -qq --no-install-recommends g++ cmake", network=True)
+    machine.check("apt-get install -y -qq --no-install-recommends g++ make cmake", network=True)
     for test in re.findall(r"^Tests: (\S+)", (ROOT / "debian/tests/control").read_text(), re.M):
         machine.check(f"mkdir /tmp/{test} && AUTOPKGTEST_TMP=/tmp/{test} tests/{test}")
 
