@@ -29,10 +29,12 @@ import wheel_backend  # noqa: E402
 # Names of libraries, up to ".so", that are the machine's own. Of GL only what GLU is linked with is copied, which draws nothing.
 SYSTEM = re.compile(r"^(ld-linux[\w-]*|linux-vdso|lib(c|m|dl|rt|pthread|resolv|util|stdc\+\+|gcc_s|GL|EGL|GLX|GLESv2|drm|gbm|asound"
                     r"|X11|X11-xcb|xcb|wayland-client|wayland-server|wayland-egl))\.so")
-# Packages whose modules bring far more than all others together, or need a display's libraries at their own place.
+# Packages whose modules bring much for few, or need a display's libraries at their own place.
 LEFT_OUT = {"rtsg-images": "TIFF, GIF, HDR and KTX2 files", "rtsg-films": "films and packed sounds", "rtsg-sofa": "responses as SOFA files",
-            "rtsg-ogre": "pictures by OGRE"}
-NOT_IN_WHEELS = ("rtsg", "rtsg-window", "rtsg-web", "rtsg-mqtt", "rtsg-fetch")
+            "rtsg-ogre": "pictures by OGRE", "rtsg-modellers": "Collada, FBX, 3DS and OFF files", "rtsg-fetch": "files from the web"}
+# Of the libraries for newer processors (x86-64-v3) those that trace: in the others most time goes elsewhere.
+TRACING = re.compile(r"^librtsg_(light|audio|world)\.so")
+NOT_IN_WHEELS = ("rtsg", "rtsg-window", "rtsg-web", "rtsg-mqtt")
 FONTS = pathlib.Path("/usr/share/fonts/truetype/dejavu")
 FONTS_CONF = """<?xml version="1.0"?>
 <!DOCTYPE fontconfig SYSTEM "urn:fontconfig:fonts.dtd">
@@ -111,6 +113,9 @@ def unpack(debs, left_out, to):
             continue
         subprocess.run(["dpkg-deb", "-x", deb, to], check=True)
         versions.add(version)
+    for file in to.glob("usr/lib/*/glibc-hwcaps/*/*"):
+        if not TRACING.match(file.name):
+            file.unlink()
     if len(versions) != 1:
         sys.exit(f"bundle.py: {debs} has packages of {len(versions)} versions: ./dev package makes those of one")
     return versions.pop()
@@ -210,7 +215,7 @@ def make_archive(debs, to, scratch):
     (tree / "README.txt").write_text(
         f"RTSG {version}: bin/rtsg runs from wherever this folder lies. It needs glibc {'.'.join(map(str, newest_glibc(tree)))} and the C++ runtime of GCC 12, or newer ones;\n"
         "`rtsg view` the libraries of the display (X11 or Wayland, GL), and sound devices ALSA. The licences of what it holds are in licences/.\n"
-        f"Left out, since it is larger than all the rest: {'; '.join(LEFT_OUT.values())}. The Debian packages {', '.join(LEFT_OUT)} have it.\n")
+        f"Left out for its size: {'; '.join(LEFT_OUT.values())}. The Debian packages {', '.join(LEFT_OUT)} have it.\n")
     with tempfile.TemporaryFile() as plain:
         with tarfile.open(fileobj=plain, mode="w", format=tarfile.GNU_FORMAT) as tar:
             tar.add(tree, name, recursive=False, filter=reset)

@@ -4,9 +4,10 @@
 usage: doxygen_filter.py FOLDER
 
 Comments of headers are plain text with backticks: the one that opens a header becomes that file's, and that of each class in it which has none
-(whole for those that it names, its first sentence for others). Indented lines become code, and what Doxygen would take for commands does not. Headings of pages get the names that links to them have, which are those of GitHub, with the
+(whole for those that it names, its first sentence for others); what it says about threads and sources becomes paragraphs of each. Indented lines become code, and what Doxygen would take for commands does not. Headings of pages get the names that links to them have, which are those of GitHub, with the
 page's before them, as Doxygen knows one set of names for all pages. Links to what the site does not have become plain text.
 """
+import itertools
 import pathlib
 import re
 import sys
@@ -38,9 +39,22 @@ def classes_without_comment(lines):
     return found
 
 
+def classes(lines):
+    """Where each class at the outermost level begins, with its template."""
+    at = [i for i, line in enumerate(lines) if CLASS.match(re.sub(r"^template <.*>\s*(?=class|struct)", "", line))]
+    return {i - 1 if i > 0 and re.match(r"template <.*>$", lines[i - 1]) else i for i in at}
+
+
+def paragraphs(lines):
+    """Of the comment that opens a header: what it says about threads and sources, by its word."""
+    opening = "\n".join(line[2:].strip() for line in itertools.takewhile(lambda line: line.startswith("//"), lines))
+    found = ((word, re.search(rf"\b{word}: (.*?)(?=\s[A-Z][a-z]+: |\n\n|\Z)", opening, re.S)) for word in ("Threading", "Source"))
+    return {word: " ".join(match[1].split()) for word, match in found if match}
+
+
 def header(text):
     lines = text.splitlines()
-    bare, said = classes_without_comment(lines), []
+    bare, said, begins, about = classes_without_comment(lines), [], classes(lines), paragraphs(lines)
     out, opening, code = ["/// @file"], True, False
     for at, line in enumerate(lines):
         if opening and line.startswith("#pragma once"):
@@ -50,6 +64,9 @@ def header(text):
             whole = names and bare[at] in re.split(r"\W+", names[1])
             first = re.match(r"(?:///.*?\.(?=\s|$)|///.*?$)", " ".join(one if i == 0 else one[3:].strip() for i, one in enumerate(said)))
             out += said if whole else [first[0]] if first else []
+        if at in begins and not (at in bare and whole):
+            for word, words in about.items():
+                out += [f"/// @par {word}", f"/// {plain(words)}", "///"]
         opening = opening and not line.startswith("#pragma once")
         comment = re.match(r"(\s*)//(/?<?)( {0,4})(.*)" if opening else r"(.*?)(?:(?<=\s)|^)//(/<?)( {0,4})(.*)", line)
         if not comment:
@@ -110,6 +127,12 @@ def page(text, path):
     return "\n".join(out) + "\n"
 
 
+def example(path):
+    """So that pages of what the program uses lead to it."""
+    comment = itertools.takewhile(lambda line: line.startswith("//"), path.read_text(encoding="utf-8").splitlines())
+    return f"/** @example {path.name}\n{plain(' '.join(line[2:].strip() for line in comment))} */\n"
+
+
 def main():
     to = pathlib.Path(sys.argv[1])
     for path in (*sorted(ROOT.glob("*.md")), *sorted(ROOT.glob("docs/*.md")), *libraries.public_headers()):
@@ -117,6 +140,7 @@ def main():
         inside = path.relative_to(ROOT) if path.suffix == ".md" else pathlib.Path(*path.relative_to(ROOT).parts[-3:])
         (to / inside).parent.mkdir(parents=True, exist_ok=True)
         (to / inside).write_text(page(text, path) if path.suffix == ".md" else header(text), encoding="utf-8")
+    (to / "examples.h").write_text("".join(example(path) for path in (*sorted(ROOT.glob("examples/*.cpp")), *sorted(ROOT.glob("app/verbs/verb_*.cpp")))), encoding="utf-8")
 
 
 if __name__ == "__main__":

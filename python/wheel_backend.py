@@ -85,15 +85,18 @@ def write_wheel(folder, about, files, version, machine):
     texts["WHEEL"] = f"Wheel-Version: 1.0\nGenerator: rtsg\nRoot-Is-Purelib: false\nTag: {tag}\n"
     files = {**files, **{f"{info}/{name}": text.encode() for name, text in texts.items()}}
     name = f"{about['name']}-{about['version']}-{tag}.whl"
-    record = []
     with zipfile.ZipFile(folder / name, "w", zipfile.ZIP_DEFLATED) as wheel:
-        for path, data in files.items():
+        def add(path, data):
             entry = zipfile.ZipInfo(path, (1980, 1, 1, 0, 0, 0))  # the same wheel of the same files
             entry.external_attr = (0o755 if ".so" in path else 0o644) << 16
             wheel.writestr(entry, data, zipfile.ZIP_DEFLATED)
+
+        record = []
+        for path, data in files.items():
+            add(path, data)
             digest = base64.urlsafe_b64encode(hashlib.sha256(data).digest()).rstrip(b"=").decode()
             record.append(f"{path},sha256={digest},{len(data)}")
-        wheel.writestr(f"{info}/RECORD", "\n".join([*record, f"{info}/RECORD,,"]) + "\n")
+        add(f"{info}/RECORD", "\n".join([*record, f"{info}/RECORD,,"]) + "\n")
     return name
 
 

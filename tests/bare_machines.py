@@ -22,6 +22,7 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent
 MIRROR = "http://deb.debian.org/debian"
 SUITES = ("bookworm", "trixie")
 LIMITS = {"librtsg-sync0.2": 25, "rtsg": 210}  # MB with all that they bring, without recommends
+ARCHIVE_LIMIT = 150  # MB unpacked
 # What README and getting started show, but for windows, browsers and films, in less time. The program is rtsg, and examples/ is here.
 USES = """
 rtsg info examples/demo/hall.x3dv
@@ -162,7 +163,7 @@ def try_packages(folder, cache, faults, suites):
                 if package == "rtsg":
                     use_packages(machine, listed)
                 ours = " ".join(re.findall(r"^Package: (\S+)", listed, re.M))
-                machine.check(f"apt-get purge -y -qq --autoremove {ours} '?automatic'", network=True)
+                machine.check(f"apt-get purge -y -qq --autoremove {ours} g++ make cmake fonts-dejavu-core '?automatic'", network=True)
                 faults += [f"{suite}: left after the purge of {package}: {path}" for path in sorted(files_of(machine) - before)[:20]]
 
 
@@ -178,6 +179,11 @@ def use_packages(machine, listed):
     machine.check("rtsg render examples/door.x3dv -o door.gif --frames 2 --size 32x18 && rtsg render examples/door.x3dv -o door.mp4 --frames 2 --size 32x18")
     (machine.root / "root/try.py").write_text(IN_PYTHON)
     machine.check("python3 try.py")
+    # The tests that a distribution runs of installed packages.
+    shutil.copytree(ROOT / "debian/tests", machine.root / "root/tests")
+    machine.check("apt-get install -y -qq --no-install-recommends g++ make cmake", network=True)
+    for test in re.findall(r"^Tests: (\S+)", (ROOT / "debian/tests/control").read_text(), re.M):
+        machine.check(f"mkdir /tmp/{test} && AUTOPKGTEST_TMP=/tmp/{test} tests/{test}")
 
 
 def try_archive(folder, cache, faults, suites):
@@ -190,6 +196,9 @@ def try_archive(folder, cache, faults, suites):
                 place.mkdir(parents=True, exist_ok=True)
                 if home == "/opt":
                     subprocess.run(["tar", "--zstd", "-xf", archive, "-C", place], check=True)
+                    size = sum(file.stat().st_size for file in place.rglob("*") if file.is_file() and not file.is_symlink()) / 1e6
+                    if size > ARCHIVE_LIMIT:
+                        faults.append(f"{suite}: {archive.name} has {size:.0f} MB unpacked, and may have {ARCHIVE_LIMIT}")
                 else:
                     (machine.root / "opt" / archive.name.removesuffix(".tar.zst")).rename(place / archive.name.removesuffix(".tar.zst"))
                     (machine.root / "root").chmod(0o700)

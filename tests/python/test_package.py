@@ -79,6 +79,17 @@ def test_the_stub_is_typed_python():
     assert checked.returncode == 0, checked.stdout
 
 
+def test_a_type_checker_finds_an_option_that_there_is_not(tmp_path):
+    if subprocess.run([sys.executable, "-m", "mypy", "--version"], capture_output=True, check=False).returncode:
+        pytest.skip("no mypy")
+    (tmp_path / "right.py").write_text('import rtsg\nscene = rtsg.load("a.x3dv")\nscene.render(width=8, integrator="path")\nfor node in scene:\n    print(node)\n')
+    (tmp_path / "wrong.py").write_text('import rtsg\nscene = rtsg.load("a.x3dv")\nscene.render(integrator="pathh")\nscene.render(width=8.5)\n')
+    for name, faults in (("right.py", []), ("wrong.py", ["wrong.py:3:", "wrong.py:4:"])):
+        checked = subprocess.run([sys.executable, "-m", "mypy", "--strict", name], cwd=tmp_path, capture_output=True, text=True, check=False,
+                                 env=dict(os.environ, MYPYPATH=str(ROOT / "python")))
+        assert [re.match(r"\S+?:\d+:", line)[0] for line in checked.stdout.splitlines() if " error: " in line] == faults, checked.stdout
+
+
 def test_what_pip_installs_stands_by_itself(tmp_path):
     """The component that pyproject.toml asks for, with the package's own files, away from the build."""
     build = pathlib.Path(rtsg._rtsg.__file__).parents[2]

@@ -60,3 +60,16 @@ def test_a_build_folder_that_is_there_is_taken(backend, tmp_path):
     assert all("-S" not in command for command in backend.asked) and "/somewhere" in backend.asked[0]
     with pytest.raises(RuntimeError, match="checkout"):
         backend.build_sdist(tmp_path)
+
+
+def test_the_same_files_make_the_same_wheel_at_any_time(backend, tmp_path, monkeypatch):
+    made = []
+    for year in (2020, 2030):
+        folder = tmp_path / str(year)
+        folder.mkdir()
+        monkeypatch.setattr("time.time", lambda year=year: (year - 1970) * 31_556_952.0)
+        name = backend.write_wheel(folder, backend.project(), {"rtsg/__init__.py": b"text\n"}, "cp311", "any")
+        made.append((folder / name).read_bytes())
+        with zipfile.ZipFile(folder / name) as wheel:
+            assert {entry.date_time[0] for entry in wheel.infolist()} == {1980}
+    assert made[0] == made[1]
