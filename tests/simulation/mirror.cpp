@@ -60,6 +60,7 @@ void Mirror::start() {
     due = clock.at();
     startAt = 0;
     asked_.clear();
+    certain_.clear();
     isMeddledWith_ = false;
     divergences_ = 0;
 }
@@ -86,6 +87,16 @@ std::string Mirror::status() const {
         settings_.number, static_cast<int>(settings_.kind), settings_.endpoint, s.sequence, s.originSequence, s.equal,
         client_->inStep(), client_->originLost(), client_->serverLeft(), client_->unanswered(), s.snapshots, s.gaps,
         s.restarts, client_->refusal());
+    if (optimistic_) {
+        text += fmt::format(", {} fields wait", optimistic_->waiting());
+        const std::string shown = optimistic_->scene().dump(), own = replica_->dump();
+        const auto a = std::ranges::mismatch(shown, own).in1;
+        if (shown != own) {
+            const auto at = static_cast<std::size_t>(a - shown.begin());
+            text += fmt::format("; shown '{}', replica '{}'", shown.substr(at > 60 ? at - 60 : 0, 120),
+                                own.substr(at > 60 ? at - 60 : 0, 120));
+        }
+    }
     for (const Diagnostic& d : client_->takeDiagnostics()) text += "\n    " + d.format();
     return text;
 }
@@ -105,7 +116,7 @@ std::string Mirror::poll(const Origin& origin) {
     if (s.divergences > divergences_) return "a replica has diverged: " + status();
     if (s.garbage > 0) return "a mirror got what makes no sense: " + status();
     if (s.frames > 0 && replica_->sequence() > 0) {
-        if (isWhole() && !origin.witness.saw(replica_->sequence(), replica_->hash()))
+        if (isInStates() && !origin.witness.saw(replica_->sequence(), replica_->hash()))
             return fmt::format("a replica in state {} has a hash that the origin never had there: {}",
                                replica_->sequence(), status());
         if (s.sequence > 0 && !s.equal) return "a replica has another hash than its origin: " + status();
@@ -118,6 +129,8 @@ std::string Mirror::takeVerdicts(const Origin& origin) {
         const auto found = asked_.find(verdict.request);
         if (verdict.refusal.empty() && client_->statistics().sequence < verdict.state)
             return fmt::format("a verdict for state {} came before it: {}", verdict.state, status());
+        if (certain_.erase(verdict.request) > 0 && verdict.refusal.find("locked") != std::string::npos)
+            return fmt::format("an edit was refused though nobody holds its node: {}: {}", verdict.refusal, status());
         if (found == asked_.end()) continue;
         ledger_.answer(found->second, verdict, origin.lineage);
         if (verdict.refusal.empty() && isWhole() && !replica_->findName(found->second))
@@ -126,6 +139,15 @@ std::string Mirror::takeVerdicts(const Origin& origin) {
         asked_.erase(found);
     }
     return {};
+}
+
+void Mirror::editAll(std::uint32_t movers) {
+    for (std::uint32_t i = 0; i < movers; ++i)
+        if (const NodeId mover = replica_->findName(fmt::format("MOVER{}", i)))
+            if (const auto request =
+                    client_->submitEdit(mover, x3d::Transform::scale.index, Vec3f(1, 1, 1 + float(settings_.number))))
+                certain_.insert(*request);
+    isDue(clock.at());
 }
 
 void Mirror::meddle(Random random, std::uint32_t movers) {
@@ -138,7 +160,7 @@ void Mirror::edit(Random random, std::uint32_t movers) {
     if (!client_ || client_->unanswered() > 20) return;
     const NodeId mover = replica_->findName(fmt::format("MOVER{}", random.below(movers)));
     ++edits;
-    if (settings_.edits && random.chance(500)) {
+    if (!settings_.undoes && random.chance(500)) {
         const std::string name = fmt::format("EDIT{}_{}", settings_.number, next_++);
         Change created, named;
         created.kind = ChangeKind::createNode;
@@ -167,7 +189,7 @@ void Mirror::edit(Random random, std::uint32_t movers) {
 bool Mirror::isSettled(const Origin& origin) const {
     if (!client_ || !client_->inStep() || client_->unanswered() > 0 || !client_->statistics().equal) return false;
     if (client_->statistics().sequence != origin.served().sequence()) return false;
-    if (optimistic_ && (optimistic_->waiting() > 0 || optimistic_->scene().dump() != replica_->dump())) return false;
+    if (optimistic_ && (optimistic_->waiting() > 0 || optimistic_->scene().hash() != replica_->hash())) return false;
     return !isWhole() || replica_->hash() == origin.served().hash();
 }
 

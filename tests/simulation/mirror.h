@@ -3,7 +3,7 @@
 
 #include <map>
 #include <memory>
-#include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -58,6 +58,8 @@ class Mirror : public Process {
     /// Empty, or what does not hold.
     std::string poll(const Origin& origin);
     void edit(Random random, std::uint32_t movers);
+    /// Edits each node; none of these requests may be refused.
+    void editAll(std::uint32_t movers);
     /// Somebody else edits the replica; the client has to notice and repair it.
     void meddle(Random random, std::uint32_t movers);
     bool isRunning() const { return client_ != nullptr; }
@@ -67,6 +69,8 @@ class Mirror : public Process {
     MirrorClient& client() { return *client_; }
     const Scene& scene() const { return *replica_; }
     bool isWhole() const;
+    /// False if it may be between two states, because values of what is far come later.
+    bool isInStates() const { return isWhole() && settings_.options.whenSlow != MirrorWhenSlow::nearFirst; }
     /// With what is written of its state when something does not hold.
     std::string status() const;
 
@@ -83,6 +87,7 @@ class Mirror : public Process {
     std::unique_ptr<MirrorClient> client_;
     std::unique_ptr<OptimisticScene> optimistic_;
     std::map<std::uint64_t, std::string> asked_;  // names of the nodes that requests create
+    std::set<std::uint64_t> certain_;             // requests that may not be refused
     std::uint32_t next_ = 0;
     bool isMeddledWith_ = false;
     std::uint64_t divergences_ = 0;  // that meddling has led to

@@ -42,13 +42,13 @@ bool Witness::saw(std::uint64_t state, const Hash128& hash) const {
 
 Result<> Origin::Log::apply(const Scene& scene, const ChangeSet& changes) {
     if (auto ok = writer->apply(scene, changes); !ok) {
-        if (!origin.system_.isDead) origin.unacknowledged_.emplace_back(origin.clock.at(), kEnded);
+        if (!origin.system_.isDead) origin.acknowledge_(kEnded, kEnded);
         return ok;
     }
     origin.durable_ = changes.to;
     origin.isOnLog_ = true;
     if (origin.settings_.log.sync == LogOptions::Sync::always) origin.flushedState_ = changes.to;
-    origin.unacknowledged_.emplace_back(origin.clock.at() + origin.acknowledgesAfter, changes.to);
+    origin.acknowledge_(0, changes.to);
     return {};
 }
 
@@ -150,6 +150,7 @@ Result<> Origin::start(std::uint64_t seed) {
         log_ = std::make_unique<Log>(*this);
         auto writer = LogWriter::create(file_, builtinTypes(), log);
         if (!writer) {  // no room, say: it tries again
+            problem = writer.error().format();
             log_.reset();
             scene_.reset();
             startAt = clock.at() + kSecond / 2;
@@ -165,11 +166,12 @@ Result<> Origin::start(std::uint64_t seed) {
     auto server = MirrorServer::start(served, kEndpoint, std::move(options));
     if (!server) return fail("the server does not start: " + server.error().format());
     server_ = std::move(*server);
-    unacknowledged_.clear();
     if (log_) {
-        logged_ = server_->sendWhatIsLogged(1h);
-        logging_ = scene_->bus().attach(*log_);
-        if (*goesOn) unacknowledged_.emplace_back(clock.at(), durable_);
+        acknowledge_ = server_->sendWhatIsLogged(1h);
+        logged_ = std::make_unique<Replica>(*scene_);
+        logged_->poll();  // a log must not begin with the replica's empty state
+        logging_ = logged_->scene().bus().attach(*log_);
+        write();
     }
     due = clock.at();
     return {};
@@ -207,20 +209,19 @@ void Origin::frame(Random random, double time) {
     busyUntil_ = clock.at() + 400 * kMillisecond;
 }
 
-void Origin::acknowledge() {
-    while (!unacknowledged_.empty() && unacknowledged_.front().first <= clock.at()) {
-        const std::uint64_t state = unacknowledged_.front().second;
-        unacknowledged_.pop_front();
-        logged_(state == kEnded ? kEnded : 0, state);
-    }
+void Origin::write() {
+    writesAt_ = kNever;
+    if (logged_) logged_->drain();
 }
 
 void Origin::poll() {
-    if (log_) acknowledge();
+    if (clock.at() >= writesAt_) write();
+    if (system_.isDead) return;
     server_->service();
+    if (logging_.attached() && scene_->sequence() > durable_) writesAt_ = std::min(writesAt_, clock.at() + diskTakes);
     const bool busy = clock.at() < busyUntil_;
     due = clock.at() + (busy ? 20 : 200) * kMillisecond;
-    if (!unacknowledged_.empty()) isDue(std::max(unacknowledged_.front().first, clock.at() + kMillisecond));
+    if (writesAt_ < kNever) isDue(std::max(writesAt_, clock.at() + kMillisecond));
 }
 
 /// Killed: nobody says anything any more.
@@ -230,9 +231,9 @@ void Origin::die(bool isSilent) {
     system_.isDead = true;
     if (log_) {
         logging_.detach();
-        if (log_->writer) log_->writer->abandon();
+        log_->writer->abandon();
     }
-    logged_ = {};
+    logged_.reset();
     server_.reset();
     witnessing_.detach();
     log_.reset();
@@ -244,15 +245,15 @@ void Origin::die(bool isSilent) {
 /// In order, as a program that is asked to end.
 void Origin::close() {
     if (log_) {
-        for (auto& [at, state] : unacknowledged_) at = 0;
-        acknowledge();
+        write();
+        if (system_.isDead) return die(false);
         logging_.detach();
-        if (log_->writer) (void)log_->writer->close();
+        (void)log_->writer->close();
+        logged_.reset();
     }
     server_.reset();
     witnessing_.detach();
     log_.reset();
-    logged_ = {};
     lossy_.reset();
     scene_.reset();
 }

@@ -1,13 +1,14 @@
 // Origin: the process with the scene that all others follow: its frames, its server, and its log.
 #pragma once
 
-#include <deque>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <memory>
 #include <string>
 #include <vector>
 
+#include <rtsg/core/replica.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/sync/log.h>
 #include <rtsg/sync/lossy_scene.h>
@@ -65,8 +66,9 @@ class Origin : public Process {
     std::uint64_t durable() const { return durable_; }
 
     Witness witness;
-    Nanoseconds startAt = 0, acknowledgesAfter = 0;
+    Nanoseconds startAt = 0, diskTakes = 0;
     std::uint32_t lineage = 0;  // grows when it does not go on with what it had
+    std::string problem;        // why it does not start
     std::uint64_t resumedAt = 0, resumed = 0, frames = 0;
 
   private:
@@ -81,7 +83,8 @@ class Origin : public Process {
     void build(std::uint64_t seed);
     Result<bool> resume(MirrorServerOptions& options, LogOptions& log);
     Result<> checkResumed(const Scene& scene, std::uint64_t states) const;
-    void acknowledge();
+    /// Writes what has come to the log, and lets the peers have it.
+    void write();
 
     World& world_;
     System& system_;
@@ -93,8 +96,9 @@ class Origin : public Process {
     std::unique_ptr<Log> log_;
     std::unique_ptr<MirrorServer> server_;
     Attachment witnessing_, logging_;
-    std::function<void(std::uint64_t, std::uint64_t)> logged_;
-    std::deque<std::pair<Nanoseconds, std::uint64_t>> unacknowledged_;
+    std::function<void(std::uint64_t, std::uint64_t)> acknowledge_;
+    std::unique_ptr<Replica> logged_;  // what the log is written from, as LogRecorder does it
+    Nanoseconds writesAt_ = kNever;
     std::uint64_t durable_ = 0;       // the last state that a killed process leaves
     std::uint64_t flushedState_ = 0;  // the last one that a loss of power leaves
     bool isOnLog_ = false;            // the log has had a state

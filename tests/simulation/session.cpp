@@ -44,6 +44,7 @@ class Session {
     bool fail(std::string why);
     bool areAllSettled() const;
     std::string unsettled() const;
+    void endIfDead();
     Phase phase() const;
     void heard(std::span<const std::byte> bytes, bool atListener);
     void say(const std::string& what) const;
@@ -165,7 +166,7 @@ MirrorSettings Session::drawMirror(Random& random, std::uint32_t number) const {
     if (random.chance(200)) m.options.maxLag = 0ms;
     m.edits = origin_->settings().upstream != MirrorUpstream::none && random.chance(500);
     m.locks = m.edits && random.chance(300);
-    m.undoes = m.edits && random.chance(300);
+    m.undoes = m.edits && random.chance(300);  // it creates nothing, as that would be undone, too
     return m;
 }
 
@@ -208,7 +209,7 @@ bool Session::guarded(F&& work) {
 bool Session::look(Process& process) {
     if (&process == noMemory_) system_.untilNoMemory = noMemoryAfter_;
     std::string problem;
-    const bool isAlive = guarded([&] {
+    (void)guarded([&] {
         if (&process == origin_.get() && origin_->isRunning()) origin_->poll();
         for (const auto& relay : relays_)
             if (relay.get() == &process && relay->isRunning()) problem = relay->poll(*origin_);
@@ -217,7 +218,7 @@ bool Session::look(Process& process) {
         if (&process == stranger_.get()) stranger_->poll();
         return true;
     });
-    (void)isAlive;
+    endIfDead();
     if (&process == noMemory_) {
         const bool happened = system_.untilNoMemory == 0;
         system_.untilNoMemory = 0;
@@ -342,7 +343,7 @@ void Session::happens(const Fault& fault) {
             noFlushUntil_ = world_.now + time;
             return;
         case FaultKind::slowDisk:
-            origin_->acknowledgesAfter = time % (2 * kSecond);
+            origin_->diskTakes = time % (2 * kSecond);
             return;
         case FaultKind::noMemory:
             noMemory_ = &process;
@@ -354,6 +355,14 @@ void Session::happens(const Fault& fault) {
             return stranger_->send(Random(plan_.seed, 6, step_), fault.amount,
                                    target % 3 == 0 && !relays_.empty() ? "relay1" : Origin::kEndpoint);
     }
+}
+
+/// A write that was cut short is the last that its process did.
+void Session::endIfDead() {
+    if (!system_.isDead) return;
+    say("killed in a write");
+    origin_->startAt = world_.now + kSecond;
+    origin_->die(false);
 }
 
 Phase Session::phase() const {
@@ -388,13 +397,8 @@ bool Session::step() {
     if (!startLate()) return false;
     if (origin_->isRunning() && origin_->stoppedUntil <= world_.now && origin_->clock.ahead() == 0) {
         origin_->frame(Random(plan_.seed, 5, step_), double(world_.now) / kSecond);
-        if (system_.isDead) {
-            say("killed in a write");
-            origin_->startAt = world_.now + kSecond;
-            origin_->die(false);
-        } else {
-            origin_->poll();
-        }
+        origin_->poll();
+        endIfDead();
     }
     for (const auto& mirror : mirrors_)
         if (mirror->settings().edits && mirror->isRunning() && mirror->stoppedUntil <= world_.now)
@@ -413,7 +417,7 @@ bool Session::areAllSettled() const {
 }
 
 std::string Session::unsettled() const {
-    if (!origin_->isRunning()) return "the origin does not run";
+    if (!origin_->isRunning()) return "the origin does not run: " + origin_->problem;
     std::string text = fmt::format("the origin is in state {}", origin_->served().sequence());
     for (const auto& relay : relays_)
         if (!relay->isSettled(*origin_)) text += "\n  a relay is not in step";
@@ -433,15 +437,19 @@ bool Session::quiet() {
         process->clock.setDrift(0);
     }
     const Nanoseconds end = world_.now + kQuiet;
-    std::uint32_t rounds = 0;
+    std::uint32_t frames = 20;  // in the end the scene rests
+    bool isLast = false;
     while (world_.now < end) {
         if (!startLate() || !goOn(world_.now + 500 * kMillisecond)) return false;
-        // Waiting events need frames. In the end the scene rests.
-        if (origin_->isRunning() && rounds++ < 20) {
-            origin_->frame(Random(plan_.seed, 8, rounds), double(world_.now) / kSecond);
+        if (origin_->isRunning() && frames > 0) {
+            origin_->frame(Random(plan_.seed, 8, frames--), double(world_.now) / kSecond);
             origin_->poll();
         } else if (areAllSettled()) {
-            return checkAll();
+            if (std::exchange(isLast, true)) return checkAll();
+            // All leases are over, so that everybody may edit every node again.
+            for (const auto& mirror : mirrors_)
+                if (mirror->settings().edits) mirror->editAll(origin_->settings().movers);
+            frames = 4;
         }
     }
     return fail(fmt::format("not all are equal {} s after the last fault: {}", kQuiet / kSecond, unsettled()));

@@ -21,14 +21,16 @@ struct Arguments {
     double seconds = 60;
     std::optional<std::uint64_t> seed;
     std::filesystem::path replay, out = "simulation.plan";
-    bool trace = false, speed = false;
+    bool trace = false, speed = false, goesOn = false;
     std::uint64_t sessions = 0;
 };
 
 constexpr const char* kUsage =
-    "usage: simulate [SECONDS] [--seed N] [--sessions N] [--out FILE] [--trace] | --replay FILE [--trace] | --speed\n"
+    "usage: simulate [SECONDS] [--seed N] [--sessions N] [--out FILE] [--trace] [--keep-going] | --replay FILE "
+    "[--trace] | --speed\n"
     "Runs simulated sessions: those of seed N, N + 1 and so on. A failure is shrunk, and written to FILE as a plan\n"
-    "that --replay runs again. Status 1: something did not hold. Status 2: wrong usage.\n";
+    "that --replay runs again; with --keep-going it is only printed. Status 1: something did not hold. Status 2: wrong "
+    "usage.\n";
 
 template <class T>
 bool number(std::string_view text, T& value) {
@@ -42,6 +44,8 @@ bool parse(int count, char** words, Arguments& result) {
         const std::string_view next = i + 1 < count ? words[i + 1] : "";
         if (word == "--trace") {
             result.trace = true;
+        } else if (word == "--keep-going") {
+            result.goesOn = true;
         } else if (word == "--speed") {
             result.speed = true;
         } else if (word == "--seed" || word == "--sessions") {
@@ -111,7 +115,7 @@ int simulate(const Arguments& arguments, const std::filesystem::path& folder) {
     const std::uint64_t first = arguments.seed.value_or(1);
     const double begin = cpuSeconds();
     Outcome total;
-    std::uint64_t seed = first;
+    std::uint64_t seed = first, failures = 0;
     const auto goesOn = [&] {
         return arguments.sessions > 0 ? seed < first + arguments.sessions : cpuSeconds() - begin < arguments.seconds;
     };
@@ -129,6 +133,8 @@ int simulate(const Arguments& arguments, const std::filesystem::path& folder) {
         if (outcome.failure.empty()) continue;
         fmt::print("seed {}, step {}: {}\n", seed, outcome.step, outcome.failure);
         std::fflush(stdout);
+        ++failures;
+        if (arguments.goesOn) continue;
         const Plan small = shrink(plan, [&](const Plan& p) { return !runSession(p, folder).failure.empty(); });
         const Outcome again = runSession(small, folder);
         std::ofstream out(arguments.out);
@@ -143,7 +149,7 @@ int simulate(const Arguments& arguments, const std::filesystem::path& folder) {
         "{} edits, {} times gone on from a log, digest {:016x}\n{}\n",
         seed - first, first, seed - 1, total.seconds, cpuSeconds() - begin, total.faults, total.frames, total.messages,
         total.edits, total.resumed, total.digest, total.coverage.text());
-    return 0;
+    return failures > 0;
 }
 
 }  // namespace
