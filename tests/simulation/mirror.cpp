@@ -31,7 +31,10 @@ void EditLedger::forgetAfter(std::uint64_t state, std::uint32_t lineage) {
 std::string EditLedger::check(const Scene& scene, std::uint32_t lineage) const {
     std::map<std::string, int, std::less<>> found;
     scene.forEachNode([&](const Node& node) {
-        if (const std::string_view name = scene.name(node.id()); name.starts_with("EDIT")) ++found[std::string(name)];
+        if (node.type().name != "WorldInfo") return;
+        // Not the name of the node, which another node can take over.
+        const std::string title(node.get(x3d::WorldInfo::title).view());
+        if (title.starts_with("EDIT")) ++found[title];
     });
     for (const auto& [name, edit] : edits_) {
         const auto entry = found.find(name);
@@ -162,14 +165,16 @@ void Mirror::edit(Random random, std::uint32_t movers) {
     ++edits;
     if (!settings_.undoes && random.chance(500)) {
         const std::string name = fmt::format("EDIT{}_{}", settings_.number, next_++);
-        Change created, named;
+        Change created, titled, named;
         created.kind = ChangeKind::createNode;
-        created.node = named.node = client_->newNode();
-        created.index = x3d::Group::type.value;
+        created.node = titled.node = named.node = client_->newNode();
+        created.index = x3d::WorldInfo::type.value;
+        titled.field = x3d::WorldInfo::title.index;
+        titled.value = String(name);
         named.kind = ChangeKind::setName;
         named.value = String(name);
         ledger_.ask(name);
-        if (const auto request = client_->submit(std::vector{created, named})) asked_[*request] = name;
+        if (const auto request = client_->submit(std::vector{created, titled, named})) asked_[*request] = name;
         return;
     }
     if (random.chance(50)) return (void)client_->control("pause");  // no log is played: it is refused

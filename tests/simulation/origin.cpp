@@ -151,6 +151,7 @@ Result<> Origin::start(std::uint64_t seed) {
         auto writer = LogWriter::create(file_, builtinTypes(), log);
         if (!writer) {  // no room, say: it tries again
             problem = writer.error().format();
+            system_.isDead = false;
             log_.reset();
             scene_.reset();
             startAt = clock.at() + kSecond / 2;

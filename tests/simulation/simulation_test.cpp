@@ -7,6 +7,8 @@
 
 #include <gtest/gtest.h>
 
+#include <rtsg/core/x3d.h>
+
 #include "mirror.h"
 #include "support/temp_folder.h"
 
@@ -85,7 +87,9 @@ TEST_F(Simulation, AnEditThatIsLostOrCarriedOutTwiceIsFound) {
     ledger.answer("EDIT1_0", {.request = 1, .refusal = {}, .state = 5, .created = {}}, 1);
     EXPECT_EQ(ledger.check(scene, 1), "the edit EDIT1_0, acknowledged for state 5, is lost");
     EXPECT_EQ(ledger.check(scene, 2), "") << "another session";
-    const auto carryOut = [&] { ASSERT_TRUE(scene.setName(*scene.createNode("Group"), "EDIT1_0")); };
+    const auto carryOut = [&] {
+        ASSERT_TRUE(scene.set(*scene.createNode("WorldInfo"), x3d::WorldInfo::title, String("EDIT1_0")));
+    };
     carryOut();
     EXPECT_EQ(ledger.check(scene, 1), "");
     carryOut();
