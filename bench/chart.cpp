@@ -12,7 +12,7 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/core/markup.h>
+#include <rtsg/core/field_text.h>
 #include <rtsg/core/output_file.h>
 
 namespace rtsg::bench {

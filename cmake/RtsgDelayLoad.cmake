@@ -1,5 +1,5 @@
 # rtsg_delay_load(NAME FOR LIBRARY NEED TEXT SYMBOLS REGEX LIBRARIES LIBRARY... [DATA SYMBOL...]): LIBRARY of ours calls LIBRARIES of others
-# as if it were linked with them, and they are loaded by the first call (rtsg/core/delayed_library.h). Makes librtsg_NAME.so, the module that
+# as if it were linked with them, and they are loaded by the first call (rtsg/core/module.h). Makes librtsg_NAME.so, the module that
 # is linked with them, and rtsg_NAME_stubs, which sources link in their stead. SYMBOLS says which of their functions have stubs, and DATA
 # which of their values are copied; TEXT begins the report that the module is missing ("scripts need"). Sources declare
 # `namespace rtsg::delayed { extern DelayedLibrary NAME; }`.

@@ -24,7 +24,7 @@ endforeach()
 list(REMOVE_DUPLICATES functions)
 
 
-set(opening "// Made by cmake/delay_load.cmake.\n#include <rtsg/core/delayed_library.h>\n\n")
+set(opening "// Made by cmake/delay_load.cmake.\n#include <rtsg/core/module.h>\n\n")
 set(namespace "namespace rtsg::delayed {\n[[gnu::visibility(\"hidden\")]] extern DelayedLibrary ${NAME};\nconstinit DelayedLibrary ${NAME}")
 if(MACHINE STREQUAL "none")
   file(WRITE "${LIBRARY}" "${opening}${namespace}{{}};\n}  // namespace rtsg::delayed\n")

@@ -16,7 +16,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <rtsg/core/memory.h>
+#include <rtsg/core/machine.h>
 #include <rtsg/core/sandbox.h>
 #include <rtsg/core/terminal.h>
 #include <rtsg/core/web_address.h>

@@ -11,7 +11,7 @@
 #include <dlfcn.h>
 #include <fmt/format.h>
 #include <link.h>
-#include <rtsg/core/processor.h>
+#include <rtsg/core/machine.h>
 
 namespace rtsg::app {
 namespace {

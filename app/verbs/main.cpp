@@ -13,7 +13,7 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <malloc.h>
-#include <rtsg/core/processor.h>
+#include <rtsg/core/machine.h>
 #include <unistd.h>
 
 #include "cli.h"

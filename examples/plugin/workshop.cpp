@@ -6,6 +6,7 @@
 #include <map>
 #include <string>
 
+#include <rtsg/documents/filter.h>
 #include <rtsg/plugins/plugin.h>
 #include <rtsg/renderers/mesh.h>
 
@@ -93,7 +94,7 @@ bool readPoints(FormatSource& source, DocumentHandler& handler, Diagnostics& dia
 }
 
 /// Writes which node hangs in which, as a graph for Graphviz.
-class DotWriter final : public NullHandler {
+class DotWriter final : public Filter {
   public:
     explicit DotWriter(TextSink sink) : sink_(std::move(sink)) {}
     void beginDocument(const DocumentHeader&) override { sink_("digraph scene {\n"); }

@@ -7,8 +7,8 @@
 
 #include <gtest/gtest.h>
 
-#include <rtsg/core/dead_reckoning.h>
 #include <rtsg/core/dis_input.h>
+#include <rtsg/core/dis_pdu.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/dis/dis_network.h>
 #include <rtsg/documents/loader.h>

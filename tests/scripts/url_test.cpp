@@ -5,7 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <rtsg/core/script_url.h>
+#include <rtsg/core/web_address.h>
 #include <rtsg/documents/world.h>
 
 #include "script_scene.h"

@@ -7,7 +7,7 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/core/markup.h>
+#include <rtsg/core/field_text.h>
 
 #include "heat_color.h"
 #include "report_figures.h"

@@ -1,7 +1,7 @@
 // The libraries that read, convert and transform sound. They are loaded when the first sound is.
 #pragma once
 
-#include <rtsg/core/delayed_library.h>
+#include <rtsg/core/module.h>
 
 namespace rtsg::delayed {
 extern DelayedLibrary sound;

@@ -17,7 +17,7 @@
 #include <AL/alc.h>
 #include <AL/alext.h>
 
-#include <rtsg/core/delayed_library.h>
+#include <rtsg/core/module.h>
 
 namespace rtsg::delayed {
 extern DelayedLibrary openal;

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <tuple>
 
-#include <rtsg/core/processor.h>
+#include <rtsg/core/machine.h>
 
 namespace rtsg {
 namespace {

@@ -104,24 +104,9 @@ Vec3f mixNormal(const Vec3f& a, const Vec3f& b, float w) {
     return p * static_cast<float>(wp) + q * static_cast<float>(wq);
 }
 
-/// One value a key: where the event's fraction lies among them, if it does.
-template <class N>
-std::optional<Span> spanOf(Cascade& cascade, const Node& node, FieldIndex field, EventValue value) {
-    if (field != N::set_fraction.index) return std::nullopt;
-    noteInput<N>(cascade, node);
-    const float fraction = value.as<float>();
-    const auto& key = node.get(N::key);
-    const auto& values = node.get(N::keyValue);
-    const std::size_t count = std::min(key.size(), values.size());
-    if (key.size() != values.size())
-        cascade.warn(node, std::to_string(values.size()) + " key values for " + std::to_string(key.size()) + " keys");
-    if (count == 0 || std::isnan(fraction)) return std::nullopt;
-    return locate(key, count, fraction);
-}
-
 template <class N>
 void interpolateOne(Cascade& cascade, const Node& node, FieldIndex field, EventValue value) {
-    const std::optional<Span> s = spanOf<N>(cascade, node, field, value);
+    const std::optional<Span> s = spanAt<N>(cascade, node, field, value);
     if (!s) return;
     const auto& values = node.get(N::keyValue);
     cascade.emit(node, N::value_changed, blend(values[s->from], values[s->to], s->weight));
@@ -130,7 +115,7 @@ void interpolateOne(Cascade& cascade, const Node& node, FieldIndex field, EventV
 /// 25.3.7: in the numbers of the geographic system; and where that is in the scene.
 void interpolateGeo(Cascade& cascade, const Node& node, FieldIndex field, EventValue value) {
     using N = x3d::GeoPositionInterpolator;
-    const std::optional<Span> s = spanOf<N>(cascade, node, field, value);
+    const std::optional<Span> s = spanAt<N>(cascade, node, field, value);
     if (!s) return;
     const auto& values = node.get(N::keyValue);
     const Vec3d coordinates = values[s->from] + (values[s->to] - values[s->from]) * double(s->weight);

@@ -1,9 +1,12 @@
 // Finds the two keys of an interpolator between which a fraction lies. ISO/IEC 19775-1 V4.0, 19.3.1.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <limits>
+#include <optional>
+#include <string>
 
 #include <rtsg/core/array.h>
 #include <rtsg/core/behaviour.h>
@@ -43,6 +46,21 @@ inline Span locate(const Array<float>& key, std::size_t count, float fraction) {
 template <class N>
 void noteInput(Cascade& cascade, const Node& node) {
     if (!node.get(N::_begun)) cascade.store(node, N::_begun, true);
+}
+
+/// One value a key: where the event's fraction lies among them, if it does.
+template <class N>
+std::optional<Span> spanAt(Cascade& cascade, const Node& node, FieldIndex field, EventValue value) {
+    if (field != N::set_fraction.index) return std::nullopt;
+    noteInput<N>(cascade, node);
+    const float fraction = value.as<float>();
+    const auto& key = node.get(N::key);
+    const auto& values = node.get(N::keyValue);
+    const std::size_t count = std::min(key.size(), values.size());
+    if (key.size() != values.size())
+        cascade.warn(node, std::to_string(values.size()) + " key values for " + std::to_string(key.size()) + " keys");
+    if (count == 0 || std::isnan(fraction)) return std::nullopt;
+    return locate(key, count, fraction);
 }
 
 }  // namespace rtsg::behaviours

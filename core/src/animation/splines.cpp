@@ -95,18 +95,12 @@ struct Spline {
 template <class N>
 void spline(Cascade& cascade, const Node& node, FieldIndex field, EventValue event) {
     if (field != N::set_fraction.index) return;
-    noteInput<N>(cascade, node);
-    const float fraction = event.as<float>();
-    const std::size_t keys = node.get(N::key).size(), values = node.get(N::keyValue).size();
-    const std::size_t velocities = node.get(N::keyVelocity).size();
-    if (keys != values)
-        cascade.warn(node, std::to_string(values) + " key values for " + std::to_string(keys) + " keys");
+    const std::optional<Span> s = spanAt<N>(cascade, node, field, event);
+    const std::size_t values = node.get(N::keyValue).size(), velocities = node.get(N::keyVelocity).size();
     if (velocities != 0 && velocities != 2 && velocities != values)
         cascade.warn(node, std::to_string(velocities) + " key velocities for " + std::to_string(values) +
                                " key values; there may be none, two or as many");
-    if (std::min(keys, values) == 0 || std::isnan(fraction)) return;
-    const Spline<N> path{node};
-    cascade.emit(node, N::value_changed, path.interpolate(locate(path.key, path.count, fraction)));
+    if (s) cascade.emit(node, N::value_changed, Spline<N>{node}.interpolate(*s));
 }
 
 // ---- squad -----------------------------------------------------------------------------------------------------
@@ -139,16 +133,11 @@ Quaternion slerp(const Quaternion& a, const Quaternion& b, double w) {
 
 void squad(Cascade& cascade, const Node& node, FieldIndex field, EventValue event) {
     using N = x3d::SquadOrientationInterpolator;
-    if (field != N::set_fraction.index) return;
-    noteInput<N>(cascade, node);
-    const float fraction = event.as<float>();
-    const auto& key = node.get(N::key);
+    const std::optional<Span> found = spanAt<N>(cascade, node, field, event);
+    if (!found) return;
+    const Span s = *found;
     const auto& value = node.get(N::keyValue);
-    if (key.size() != value.size())
-        cascade.warn(node, std::to_string(value.size()) + " key values for " + std::to_string(key.size()) + " keys");
-    const std::size_t count = std::min(key.size(), value.size());
-    if (count == 0 || std::isnan(fraction)) return;
-    const Span s = locate(key, count, fraction);
+    const std::size_t count = std::min(node.get(N::key).size(), value.size());
     if (s.from == s.to || s.weight == 0) return cascade.emit(node, N::value_changed, value[s.from]);
     // Four neighbours, each on the side of the one before it: the shorter way from key to key.
     const Quaternion a = toQuaternion(value[s.from]), b = toward(a, toQuaternion(value[s.to]));

@@ -8,8 +8,8 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/core/dead_reckoning.h>
 #include <rtsg/core/dis_input.h>
+#include <rtsg/core/dis_pdu.h>
 #include <rtsg/core/x3d.h>
 
 #include <rtsg/core/rotation.h>

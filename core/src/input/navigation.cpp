@@ -84,34 +84,25 @@ double zoomTo(const Node& view, double radius) {
 }
 
 std::uint32_t keyBit(ActionKey key) {
-    switch (key) {
-        case ActionKey::up:
-            return Key::kUp;
-        case ActionKey::down:
-            return Key::kDown;
-        case ActionKey::left:
-            return Key::kLeft;
-        case ActionKey::right:
-            return Key::kRight;
-        case ActionKey::alt:
-            return Key::kAlt;
-        default:
-            return 0;
-    }
+    constexpr std::pair<ActionKey, std::uint32_t> kBits[] = {{ActionKey::up, Key::kUp},
+                                                             {ActionKey::down, Key::kDown},
+                                                             {ActionKey::left, Key::kLeft},
+                                                             {ActionKey::right, Key::kRight},
+                                                             {ActionKey::alt, Key::kAlt}};
+    const auto* found = std::ranges::find(kBits, key, &std::pair<ActionKey, std::uint32_t>::first);
+    return found == std::end(kBits) ? 0 : found->second;
 }
 std::optional<ViewpointChoice> choiceOf(ActionKey key) {
-    switch (key) {
-        case ActionKey::home:
-            return ViewpointChoice::first;
-        case ActionKey::end:
-            return ViewpointChoice::last;
-        case ActionKey::pageUp:
-            return ViewpointChoice::previous;
-        case ActionKey::pageDown:
-            return ViewpointChoice::next;
-        default:
-            return std::nullopt;
-    }
+    if (key == ActionKey::home) return ViewpointChoice::first;
+    if (key == ActionKey::end) return ViewpointChoice::last;
+    if (key == ActionKey::pageUp) return ViewpointChoice::previous;
+    if (key == ActionKey::pageDown) return ViewpointChoice::next;
+    return std::nullopt;
+}
+
+/// The corner `i` of 8 of a shape's box.
+glm::dvec3 cornerOf(const ShapeBox& box, int i) {
+    return {i & 1 ? box.low.x : box.high.x, i & 2 ? box.low.y : box.high.y, i & 4 ? box.low.z : box.high.z};
 }
 
 /// 23.4.7: whether the viewpoints in a ViewpointGroup may be chosen from where the viewer is.
@@ -448,9 +439,8 @@ class Navigator {
             const glm::dvec3 middle = worldFromBox * glm::dvec4((box.low + box.high) * .5, 1);
             double radius = 0;
             for (int i = 0; i < 8; ++i) {
-                const glm::dvec3 corner(i & 1 ? box.low.x : box.high.x, i & 2 ? box.low.y : box.high.y,
-                                        i & 4 ? box.low.z : box.high.z);
-                radius = std::max(radius, glm::length(glm::dvec3(worldFromBox * glm::dvec4(corner, 1)) - middle));
+                const glm::dvec3 corner(worldFromBox * glm::dvec4(cornerOf(box, i), 1));
+                radius = std::max(radius, glm::length(corner - middle));
             }
             glm::dvec3 away = pose_.position - middle;
             if (!(glm::length(away) > 0)) away = pose_.orientation * glm::dvec3(0, 0, 1);
@@ -577,9 +567,7 @@ Result<> viewAll(Scene& scene, SpaceQueries& queries) {
     Vec3d low(INFINITY), high(-INFINITY);
     for (const ShapeBox& box : queries.boxes())
         for (int i = 0; i < 8; ++i) {
-            const glm::dvec3 corner(i & 1 ? box.low.x : box.high.x, i & 2 ? box.low.y : box.high.y,
-                                    i & 4 ? box.low.z : box.high.z);
-            const glm::dvec3 at = box.worldFromShape * glm::dvec4(corner, 1);
+            const glm::dvec3 at = box.worldFromShape * glm::dvec4(cornerOf(box, i), 1);
             low = glm::min(low, at);
             high = glm::max(high, at);
         }

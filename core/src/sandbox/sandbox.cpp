@@ -21,7 +21,7 @@
 #include <unistd.h>
 
 #include <rtsg/core/descriptor.h>
-#include <rtsg/core/memory.h>
+#include <rtsg/core/machine.h>
 
 #include "call_filter.h"
 #include "messages.h"

@@ -1,5 +1,5 @@
 // Computes the state hash's terms anew by node and field, to find where two scenes differ.
-#include <rtsg/core/partial_hash.h>
+#include <rtsg/core/hash_terms.h>
 
 #include "state_hash.h"
 

@@ -13,7 +13,7 @@
 #include <fmt/format.h>
 
 #include <rtsg/core/descriptor.h>
-#include <rtsg/core/memory.h>
+#include <rtsg/core/machine.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/core/url_fetcher.h>
 #include <rtsg/core/web_address.h>

@@ -20,35 +20,6 @@ int hexDigit(char c) {
     return -1;
 }
 
-int base64Digit(char c) {
-    if (c >= 'A' && c <= 'Z') return c - 'A';
-    if (c >= 'a' && c <= 'z') return c - 'a' + 26;
-    if (c >= '0' && c <= '9') return c - '0' + 52;
-    if (c == '+' || c == '-') return 62;
-    if (c == '/' || c == '_') return 63;
-    return -1;
-}
-
-std::optional<std::string> base64Decoded(std::string_view text) {
-    std::string result;
-    result.reserve(text.size() / 4 * 3 + 3);
-    std::uint32_t bits = 0;
-    int count = 0;
-    for (const char c : text) {
-        if (c == '=') break;
-        if (std::isspace(static_cast<unsigned char>(c))) continue;
-        const int value = base64Digit(c);
-        if (value < 0) return std::nullopt;
-        bits = bits << 6 | static_cast<std::uint32_t>(value);
-        count += 6;
-        if (count >= 8) {
-            count -= 8;
-            result.push_back(static_cast<char>(bits >> count & 255u));
-        }
-    }
-    return result;
-}
-
 /// "http", "urn", "file" ...; empty for a plain path. One letter is a drive of Windows, not a scheme.
 std::string_view schemeOf(std::string_view url) {
     const std::size_t colon = url.find(':');

@@ -2,6 +2,7 @@
 #include <rtsg/core/web_address.h>
 
 #include <algorithm>
+#include <cctype>
 #include <charconv>
 #include <cstring>
 #include <vector>
@@ -179,6 +180,48 @@ std::string WebAddress::text() const {
     const bool isUsual = port == (isSecure ? kSecurePort : kPlainPort);
     return fmt::format("{}://{}{}{}{}{}", isSecure ? "https" : "http", isNumeric ? "[" : "", host, isNumeric ? "]" : "",
                        isUsual ? "" : fmt::format(":{}", port), path);
+}
+
+std::string base64(std::span<const std::byte> bytes) {
+    constexpr std::string_view kDigits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    std::string out;
+    out.reserve((bytes.size() + 2) / 3 * 4);
+    for (std::size_t i = 0; i < bytes.size(); i += 3) {
+        const auto at = [&](std::size_t k) {
+            return k < bytes.size() ? static_cast<unsigned>(std::to_integer<unsigned char>(bytes[k])) : 0U;
+        };
+        const unsigned word = at(i) << 16 | at(i + 1) << 8 | at(i + 2);
+        out += kDigits[word >> 18];
+        out += kDigits[word >> 12 & 63];
+        out += i + 1 < bytes.size() ? kDigits[word >> 6 & 63] : '=';
+        out += i + 2 < bytes.size() ? kDigits[word & 63] : '=';
+    }
+    return out;
+}
+
+std::optional<std::string> base64Decoded(std::string_view text) {
+    const auto digit = [](char c) {
+        if (c >= 'A' && c <= 'Z') return c - 'A';
+        if (c >= 'a' && c <= 'z') return c - 'a' + 26;
+        if (c >= '0' && c <= '9') return c - '0' + 52;
+        return c == '+' || c == '-' ? 62 : c == '/' || c == '_' ? 63 : -1;
+    };
+    std::string result;
+    result.reserve(text.size() / 4 * 3 + 3);
+    std::uint32_t bits = 0;
+    int count = 0;
+    for (const char c : text) {
+        if (c == '=') break;
+        if (std::isspace(static_cast<unsigned char>(c))) continue;
+        const int value = digit(c);
+        if (value < 0) return std::nullopt;
+        bits = bits << 6 | static_cast<std::uint32_t>(value);
+        count += 6;
+        if (count < 8) continue;
+        count -= 8;
+        result.push_back(static_cast<char>(bits >> count & 255u));
+    }
+    return count == 6 ? std::nullopt : std::optional(std::move(result));
 }
 
 }  // namespace rtsg

@@ -517,19 +517,3 @@ void appendPointing(std::vector<BuiltinBehaviour>& table) {
 }
 
 }  // namespace rtsg::behaviours
-
-namespace rtsg {
-
-std::vector<std::string> pointedDescriptions(const Scene& scene) {
-    std::vector<std::string> texts;
-    for (const NodeId id : scene.node(scene.root()).get(x3d::RtsgScene::_pointed)) {
-        const Node& node = scene.node(id);
-        behaviours::withType(node, [&]<class N>() {
-            if (!node.get(N::_devices).empty() && !node.get(N::description).empty())
-                texts.push_back(node.get(N::description).str());
-        });
-    }
-    return texts;
-}
-
-}  // namespace rtsg

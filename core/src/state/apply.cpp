@@ -4,7 +4,7 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/core/partial_hash.h>
+#include <rtsg/core/hash_terms.h>
 
 #include "writing.h"
 

@@ -262,6 +262,7 @@ struct Scene::State : Scene::Lane {
     Result<> checkIs(const Route& route) const;
     void linkRoute(const Route& route, bool record);
     bool unlinkRoute(const Route& route, bool record);
+    void recordRoute(ChangeKind kind, const Route& route);
     void detachEverything(Node& node);
     /// Its children have one parent less; the fields keep their values until destroy().
     void releaseChildren(Node& node);

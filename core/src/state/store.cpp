@@ -281,16 +281,18 @@ void Scene::State::linkRoute(const Route& route, bool record) {
     links(to).in.add({route.fromNode, route.fromField, route.toField, route.isConnection});
     hash.add(routeTerm(route));
     if (!route.isConnection) ++routeCount;
-    if (!record) return;
-    Change change;
-    change.kind = ChangeKind::addRoute;
-    change.node = route.fromNode;
-    change.field = route.fromField;
-    change.other = route.toNode;
-    change.index = route.toField;
-    change.isConnection = route.isConnection;
-    change.external = writingExternally;
-    routeOps.push_back(change);
+    if (record) recordRoute(ChangeKind::addRoute, route);
+}
+
+void Scene::State::recordRoute(ChangeKind kind, const Route& route) {
+    routeOps.push_back({.node = route.fromNode,
+                        .field = route.fromField,
+                        .kind = kind,
+                        .external = writingExternally,
+                        .isConnection = route.isConnection,
+                        .other = route.toNode,
+                        .index = route.toField,
+                        .value = {}});
 }
 
 Result<> Scene::State::checkIs(const Route& route) const {
@@ -332,16 +334,7 @@ bool Scene::State::unlinkRoute(const Route& route, bool record) {
     if (!route.isConnection) --routeCount;
     trimLinks(*from);
     if (to != from) trimLinks(*to);
-    if (!record) return true;
-    Change change;
-    change.kind = ChangeKind::removeRoute;
-    change.node = route.fromNode;
-    change.field = route.fromField;
-    change.other = route.toNode;
-    change.index = route.toField;
-    change.isConnection = route.isConnection;
-    change.external = writingExternally;
-    routeOps.push_back(change);
+    if (record) recordRoute(ChangeKind::removeRoute, route);
     return true;
 }
 

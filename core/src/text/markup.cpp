@@ -1,6 +1,5 @@
-// Escapes text and encodes bytes for pages.
-#include <rtsg/core/markup.h>
-
+// Escapes text for pages.
+#include <rtsg/core/field_text.h>
 #include <rtsg/core/terminal.h>
 
 namespace rtsg {
@@ -40,23 +39,6 @@ std::string escapeMarkup(std::string_view given) {
                 else
                     out += c;
         }
-    }
-    return out;
-}
-
-std::string base64(std::span<const std::byte> bytes) {
-    constexpr std::string_view kDigits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    std::string out;
-    out.reserve((bytes.size() + 2) / 3 * 4);
-    for (std::size_t i = 0; i < bytes.size(); i += 3) {
-        const auto at = [&](std::size_t k) {
-            return k < bytes.size() ? static_cast<unsigned>(std::to_integer<unsigned char>(bytes[k])) : 0U;
-        };
-        const unsigned word = at(i) << 16 | at(i + 1) << 8 | at(i + 2);
-        out += kDigits[word >> 18];
-        out += kDigits[word >> 12 & 63];
-        out += i + 1 < bytes.size() ? kDigits[word >> 6 & 63] : '=';
-        out += i + 2 < bytes.size() ? kDigits[word & 63] : '=';
     }
     return out;
 }

@@ -1,5 +1,5 @@
 // The motion of an entity between two of its PDUs, in closed form.
-#include <rtsg/core/dead_reckoning.h>
+#include <rtsg/core/dis_pdu.h>
 
 #include <cmath>
 

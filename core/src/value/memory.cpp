@@ -1,5 +1,5 @@
 // Finds how much memory the process holds, by /proc, and how much the machine has.
-#include <rtsg/core/memory.h>
+#include <rtsg/core/machine.h>
 
 #include <algorithm>
 #include <atomic>

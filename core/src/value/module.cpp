@@ -1,5 +1,4 @@
 // Finds and loads modules, and libraries with stubs.
-#include <rtsg/core/delayed_library.h>
 #include <rtsg/core/module.h>
 
 #include <cstring>

@@ -1,5 +1,5 @@
 // Asks the processor which instruction sets it has, and says at start-up if it lacks those that this build needs.
-#include "rtsg/core/processor.h"
+#include "rtsg/core/machine.h"
 
 #include <algorithm>
 #include <array>

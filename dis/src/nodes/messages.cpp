@@ -4,7 +4,7 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/core/dead_reckoning.h>
+#include <rtsg/core/dis_pdu.h>
 #include <rtsg/core/rotation.h>
 #include <rtsg/core/x3d.h>
 

@@ -6,7 +6,7 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/core/memory.h>
+#include <rtsg/core/machine.h>
 #include <rtsg/core/x3d.h>
 
 #include "builder_state.h"

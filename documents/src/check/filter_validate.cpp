@@ -6,34 +6,23 @@
 
 #include <rtsg/core/nurbs.h>
 #include <rtsg/core/script_language.h>
-#include <rtsg/core/script_url.h>
+#include <rtsg/core/web_address.h>
 #include <rtsg/documents/filter.h>
 
 #include "commands/document_check.h"
+#include "commands/value_numbers.h"
 #include "validated_node.h"
 
 namespace rtsg::detail {
 
 namespace {
 
-/// The number of elements of an array of any type.
-std::size_t sizeOf(const Value& value) {
-    switch (value.type()) {
-#define RTSG_X(suffix, T)       \
-    case FieldType::MF##suffix: \
-        return value.as<Array<T>>().size();
-        RTSG_FIELD_TYPES(RTSG_X)
-#undef RTSG_X
-        default:
-            return 1;
-    }
-}
-
 /// How many values the last of these fields that was given has.
 std::size_t valuesOf(const ValidatedNode& node, std::initializer_list<const char*> fields) {
     std::size_t result = ValidatedNode::kNone;
     for (const char* field : fields)
-        if (const auto found = node.given.find(field); found != node.given.end()) result = sizeOf(found->second.value);
+        if (const auto found = node.given.find(field); found != node.given.end())
+            result = elementsIn(found->second.value);
     return result;
 }
 
@@ -252,7 +241,7 @@ class Validate final : public Filter {
         if (x == node.given.end() || z == node.given.end() || h == node.given.end()) return;
         const std::int64_t wanted =
             std::int64_t{x->second.value.as<std::int32_t>()} * z->second.value.as<std::int32_t>();
-        const auto heights = static_cast<std::int64_t>(sizeOf(h->second.value));
+        const auto heights = static_cast<std::int64_t>(elementsIn(h->second.value));
         if (heights < wanted)
             diagnostics_.warning(h->second.where,
                                  node.type->name + " has " + std::to_string(heights) + " heights for " +

@@ -1,5 +1,5 @@
 // Tries every url of a scene's nodes.
-#include <rtsg/core/script_url.h>
+#include <rtsg/core/web_address.h>
 #include <rtsg/documents/resource_check.h>
 
 #include <algorithm>

@@ -1,6 +1,7 @@
 // Records document commands, and gives them to another handler.
 #include <rtsg/documents/command_list.h>
 
+#include <algorithm>
 #include <cstring>
 #include <utility>
 
@@ -54,11 +55,12 @@ bool CommandList::take(std::size_t bytes, SourceLocation where) {
     return !isFull_;
 }
 
-CommandList::Command& CommandList::add(Kind kind, SourceLocation where) {
-    if (!take(sizeof(Command), where)) return dropped_ = {};
-    Command& command = commands_.emplace_back();
+CommandList::Command& CommandList::add(Kind kind, SourceLocation where, std::initializer_list<std::string_view> names) {
+    const bool isTaken = take(sizeof(Command), where);
+    Command& command = isTaken ? commands_.emplace_back() : dropped_ = {};
     command.kind = kind;
     command.where = where;
+    std::ranges::transform(names, command.names, [&](std::string_view name) { return shared(name); });
     return command;
 }
 
@@ -119,16 +121,12 @@ void CommandList::endNode(SourceLocation where) {
 }
 
 void CommandList::useNode(std::string_view def, std::string_view field, SourceLocation where) {
-    Command& command = add(Kind::useNode, where);
-    command.names[0] = shared(def);
-    command.names[1] = shared(field);
+    add(Kind::useNode, where, {def, field});
 }
 
 void CommandList::setField(std::string_view name, Value value, SourceLocation where) {
     if (!take(bytesOf(value), where)) return;
-    Command& command = add(Kind::setField, where);
-    command.names[0] = shared(name);
-    command.value = std::move(value);
+    add(Kind::setField, where, {name}).value = std::move(value);
 }
 
 void CommandList::declareField(const FieldDeclaration& field, std::optional<Value> value, SourceLocation where) {
@@ -147,13 +145,11 @@ void CommandList::declareField(const FieldDeclaration& field, std::optional<Valu
 }
 
 void CommandList::isConnection(std::string_view nodeField, std::string_view protoField, SourceLocation where) {
-    Command& command = add(Kind::isConnection, where);
-    command.names[0] = shared(nodeField);
-    command.names[1] = shared(protoField);
+    add(Kind::isConnection, where, {nodeField, protoField});
 }
 
 void CommandList::beginProto(std::string_view name, SourceLocation where) {
-    add(Kind::beginProto, where).names[0] = shared(name);
+    add(Kind::beginProto, where, {name});
 }
 
 void CommandList::beginProtoBody(SourceLocation where) {
@@ -170,33 +166,22 @@ void CommandList::externProto(std::string_view name, const std::vector<FieldDecl
     for (const FieldDeclaration& field : fields) bytes += bytesOf(field.name);
     for (const std::string& one : url) bytes += bytesOf(one);
     if (!take(bytes, where)) return;
-    Command& command = add(Kind::externProto, where);
-    command.names[0] = shared(name);
-    command.index = static_cast<std::uint32_t>(externs_.size());
+    add(Kind::externProto, where, {name}).index = static_cast<std::uint32_t>(externs_.size());
     externs_.push_back({fields, url});
 }
 
 void CommandList::route(std::string_view fromNode, std::string_view fromField, std::string_view toNode,
                         std::string_view toField, SourceLocation where) {
-    Command& command = add(Kind::route, where);
-    command.names[0] = shared(fromNode);
-    command.names[1] = shared(fromField);
-    command.names[2] = shared(toNode);
-    command.names[3] = shared(toField);
+    add(Kind::route, where, {fromNode, fromField, toNode, toField});
 }
 
 void CommandList::importNode(std::string_view inlineDef, std::string_view exportedName, std::string_view localName,
                              SourceLocation where) {
-    Command& command = add(Kind::importNode, where);
-    command.names[0] = shared(inlineDef);
-    command.names[1] = shared(exportedName);
-    command.names[2] = shared(localName);
+    add(Kind::importNode, where, {inlineDef, exportedName, localName});
 }
 
 void CommandList::exportNode(std::string_view localName, std::string_view exportedName, SourceLocation where) {
-    Command& command = add(Kind::exportNode, where);
-    command.names[0] = shared(localName);
-    command.names[1] = shared(exportedName);
+    add(Kind::exportNode, where, {localName, exportedName});
 }
 
 void CommandList::comment(std::string_view text, SourceLocation where) {

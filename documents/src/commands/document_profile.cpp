@@ -3,7 +3,7 @@
 #include <array>
 #include <map>
 
-#include <rtsg/documents/profile.h>
+#include <rtsg/documents/document_handler.h>
 
 #include "document_check.h"
 #include "suggestion.h"

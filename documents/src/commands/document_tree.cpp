@@ -25,6 +25,8 @@ void DocumentTree::beginDocument(const DocumentHeader& given) {
     header = given;
 }
 
+void DocumentTree::endDocument() {}
+
 void DocumentTree::component(std::string_view name, int level, SourceLocation where) {
     Item& item = put(Kind::component, where);
     item.name = name;

@@ -1,4 +1,5 @@
 // The numbers that a value is made of, whatever its type: one after the other, to be looked at or changed in place.
+// Also how many elements it has.
 //
 // Integers, and matrices, which no unit and no rounding concerns, have none here. Threading: pure functions.
 #pragma once
@@ -10,6 +11,13 @@
 #include <rtsg/core/value.h>
 
 namespace rtsg::detail {
+
+/// How many elements a list has; 1 for values that are no lists.
+inline std::size_t elementsIn(const Value& value) {
+    if (!isMF(value.type())) return 1;
+    const auto* const header = *static_cast<const ArrayHeader* const*>(value.storage());
+    return header ? header->size : 0;
+}
 
 /// Calls `visit` with the type of an element and that of its numbers, float or double; not at all for other types.
 template <class Visit>

@@ -20,44 +20,43 @@ namespace {
 
 using Expects = WordsEnd::Expects;
 
-constexpr std::array<std::pair<std::string_view, int>, 36> kClauses = {{
-    {"Core", 7},
-    {"Time", 8},
-    {"Networking", 9},
-    {"Grouping", 10},
-    {"Rendering", 11},
-    {"Shape", 12},
-    {"Geometry3D", 13},
-    {"Geometry2D", 14},
-    {"Text", 15},
-    {"Sound", 16},
-    {"Lighting", 17},
-    {"Texturing", 18},
-    {"Interpolation", 19},
-    {"PointingDeviceSensor", 20},
-    {"KeyDeviceSensor", 21},
-    {"EnvironmentalSensor", 22},
-    {"Navigation", 23},
-    {"EnvironmentalEffects", 24},
-    {"Geospatial", 25},
-    {"HAnim", 26},
-    {"NURBS", 27},
-    {"DIS", 28},
-    {"Scripting", 29},
-    {"EventUtilities", 30},
-    {"Shaders", 31},
-    {"CADGeometry", 32},
-    {"Texturing3D", 33},
-    {"CubeMapTexturing", 34},
-    {"Layering", 35},
-    {"Layout", 36},
-    {"RigidBodyPhysics", 37},
-    {"Picking", 38},
-    {"Followers", 39},
-    {"ParticleSystems", 40},
-    {"VolumeRendering", 41},
-    {"TextureProjection", 42},
-}};
+/// The components in the order of their clauses, which are 7 to 42.
+constexpr std::string_view kComponents[] = {"Core",
+                                            "Time",
+                                            "Networking",
+                                            "Grouping",
+                                            "Rendering",
+                                            "Shape",
+                                            "Geometry3D",
+                                            "Geometry2D",
+                                            "Text",
+                                            "Sound",
+                                            "Lighting",
+                                            "Texturing",
+                                            "Interpolation",
+                                            "PointingDeviceSensor",
+                                            "KeyDeviceSensor",
+                                            "EnvironmentalSensor",
+                                            "Navigation",
+                                            "EnvironmentalEffects",
+                                            "Geospatial",
+                                            "HAnim",
+                                            "NURBS",
+                                            "DIS",
+                                            "Scripting",
+                                            "EventUtilities",
+                                            "Shaders",
+                                            "CADGeometry",
+                                            "Texturing3D",
+                                            "CubeMapTexturing",
+                                            "Layering",
+                                            "Layout",
+                                            "RigidBodyPhysics",
+                                            "Picking",
+                                            "Followers",
+                                            "ParticleSystems",
+                                            "VolumeRendering",
+                                            "TextureProjection"};
 
 std::string_view accessText(Access access) {
     constexpr std::array<std::string_view, 4> kTexts = {"[]", "[in]", "[out]", "[in,out]"};
@@ -290,8 +289,8 @@ bool isPartOfWord(char c) {
 }  // namespace
 
 int clauseOf(std::string_view component) {
-    const auto found = std::ranges::find(kClauses, component, [](const auto& one) { return one.first; });
-    return found == kClauses.end() ? 0 : found->second;
+    const auto* found = std::ranges::find(kComponents, component);
+    return found == std::end(kComponents) ? 0 : static_cast<int>(found - std::begin(kComponents)) + 7;
 }
 
 Proposals proposalsAt(std::string_view text, std::size_t offset) {

@@ -12,16 +12,10 @@ namespace rtsg::detail {
 
 using FilterPtr = std::unique_ptr<DocumentHandler>;
 
-/// Leaves out comments and what authors say about declarations.
-FilterPtr makeDropComments(DocumentHandler& next);
-/// Leaves out the values of built-in nodes' fields that are the fields' defaults.
-FilterPtr makeDropDefaults(DocumentHandler& next);
-/// Leaves out metadata nodes, WorldInfo and META.
-FilterPtr makeDropMetadata(DocumentHandler& next);
-/// Leaves out the names that nothing refers to.
-FilterPtr makeDropNames(DocumentHandler& next);
-/// Leaves out Scripts and the routes to and from them.
-FilterPtr makeDropScripts(DocumentHandler& next);
+/// Leaves out "comments" (and what authors say about declarations), "defaults" (values of built-in nodes' fields that
+/// are the fields' defaults), "metadata" (metadata nodes, WorldInfo and META), "names" (that nothing refers to) or
+/// "scripts" (and the routes to and from them).
+FilterPtr makeDropFilter(std::string_view what, DocumentHandler& next);
 /// Renames DEFs to n1, n2, ... in the order in which they appear.
 FilterPtr makeShortNames(DocumentHandler& next);
 /// Replaces each number of fields of floats by the shortest decimal that is at most `error` away.

@@ -1,8 +1,9 @@
-// Renames DEFs of a document and all that refers to them; prototypes have names of their own, which stay.
+// Renames DEFs of a document and all that refers to them: as the user says, or to n1, n2, ... in their order.
 #include <map>
 #include <string>
 #include <unordered_map>
 #include <unordered_set>
+#include <vector>
 
 #include "filter_parts.h"
 
@@ -10,9 +11,38 @@ namespace rtsg::detail {
 
 namespace {
 
-class Rename final : public Filter {
+class Renaming : public Filter {
   public:
-    Rename(DocumentHandler& next, Diagnostics& diagnostics) : Filter(next), diagnostics_(diagnostics) {}
+    using Filter::Filter;
+
+    void beginNode(std::string_view type, std::string_view def, std::string_view field, SourceLocation where) override {
+        Filter::beginNode(type, renamed(def), field, where);
+    }
+    void useNode(std::string_view def, std::string_view field, SourceLocation where) override {
+        Filter::useNode(renamed(def), field, where);
+    }
+    void route(std::string_view fromNode, std::string_view fromField, std::string_view toNode, std::string_view toField,
+               SourceLocation where) override {
+        const std::string from = renamed(fromNode);  // names get their numbers in the order of the text
+        Filter::route(from, fromField, renamed(toNode), toField, where);
+    }
+    void importNode(std::string_view inlineDef, std::string_view exported, std::string_view local,
+                    SourceLocation where) override {
+        const std::string from = renamed(inlineDef);
+        Filter::importNode(from, exported, renamed(local), where);
+    }
+    void exportNode(std::string_view local, std::string_view exported, SourceLocation where) override {
+        Filter::exportNode(renamed(local), exported, where);
+    }
+
+  protected:
+    virtual std::string renamed(std::string_view def) = 0;
+};
+
+/// Prototypes have names of their own, which stay.
+class Rename final : public Renaming {
+  public:
+    Rename(DocumentHandler& next, Diagnostics& diagnostics) : Renaming(next), diagnostics_(diagnostics) {}
 
     std::map<std::string, std::string> names;
 
@@ -25,7 +55,7 @@ class Rename final : public Filter {
     void beginNode(std::string_view type, std::string_view def, std::string_view field, SourceLocation where) override {
         if (!def.empty() && protos_ == 0) {
             met_.emplace(def);
-            const std::string now(renamed(def));
+            const std::string now = renamed(def);
             const auto [known, isNew] = given_.try_emplace(now, def);
             if (!isNew && known->second != def)
                 diagnostics_.warning(where,
@@ -33,10 +63,7 @@ class Rename final : public Filter {
                                          "' now: what refers to that name finds the last one before it",
                                      DiagnosticCode("build"));
         }
-        Filter::beginNode(type, renamed(def), field, where);
-    }
-    void useNode(std::string_view def, std::string_view field, SourceLocation where) override {
-        Filter::useNode(renamed(def), field, where);
+        Renaming::beginNode(type, def, field, where);
     }
     void beginProtoBody(SourceLocation where) override {
         ++protos_;
@@ -46,29 +73,45 @@ class Rename final : public Filter {
         --protos_;
         Filter::endProto(where);
     }
-    void route(std::string_view fromNode, std::string_view fromField, std::string_view toNode, std::string_view toField,
-               SourceLocation where) override {
-        Filter::route(renamed(fromNode), fromField, renamed(toNode), toField, where);
-    }
     void importNode(std::string_view inlineDef, std::string_view exported, std::string_view local,
                     SourceLocation where) override {
         if (protos_ == 0) met_.emplace(local);
-        Filter::importNode(renamed(inlineDef), exported, renamed(local), where);
-    }
-    void exportNode(std::string_view local, std::string_view exported, SourceLocation where) override {
-        Filter::exportNode(renamed(local), exported, where);
+        Renaming::importNode(inlineDef, exported, local, where);
     }
 
   private:
-    std::string_view renamed(std::string_view def) const {
-        if (protos_ > 0) return def;
-        const auto found = names.find(std::string(def));
-        return found == names.end() ? def : std::string_view(found->second);
+    std::string renamed(std::string_view def) override {
+        const auto found = protos_ > 0 ? names.end() : names.find(std::string(def));
+        return found == names.end() ? std::string(def) : found->second;
     }
     Diagnostics& diagnostics_;
     std::size_t protos_ = 0;
     std::unordered_set<std::string> met_;                 // as the document calls them
     std::unordered_map<std::string, std::string> given_;  // by present name
+};
+
+class ShortNames final : public Renaming {
+  public:
+    using Renaming::Renaming;
+
+    void beginProtoBody(SourceLocation where) override {
+        names_.emplace_back();
+        Filter::beginProtoBody(where);
+    }
+    void endProto(SourceLocation where) override {
+        names_.pop_back();
+        Filter::endProto(where);
+    }
+
+  private:
+    std::string renamed(std::string_view def) override {
+        if (def.empty()) return {};
+        const auto [entry, isNew] = names_.back().try_emplace(std::string(def));
+        if (isNew) entry->second = "n" + std::to_string(++count_);
+        return entry->second;
+    }
+    std::vector<std::unordered_map<std::string, std::string>> names_{1};  // one map a scope
+    std::size_t count_ = 0;
 };
 
 }  // namespace
@@ -85,6 +128,10 @@ Result<FilterPtr> makeRename(std::string_view pairs, DocumentHandler& next, Diag
         from = end + 1;
     }
     return filter;
+}
+
+FilterPtr makeShortNames(DocumentHandler& next) {
+    return std::make_unique<ShortNames>(next);
 }
 
 }  // namespace rtsg::detail

@@ -3,8 +3,8 @@
 #include <string>
 #include <vector>
 
+#include "commands/value_numbers.h"
 #include "filter_parts.h"
-#include "write/writer_common.h"
 
 namespace rtsg::detail {
 
@@ -49,7 +49,7 @@ class Statistics final : public Filter {
     }
     void setField(std::string_view name, Value value, SourceLocation where) override {
         ++values_;
-        const std::size_t size = isMF(value.type()) ? arraySize(value) : 0;
+        const std::size_t size = isMF(value.type()) ? elementsIn(value) : 0;
         elements_ += size;
         longest_ = std::max(longest_, size);
         Filter::setField(name, std::move(value), where);

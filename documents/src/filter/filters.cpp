@@ -64,11 +64,7 @@ Result<std::unique_ptr<DocumentHandler>> makeFilter(std::string_view name, Docum
         return fail(hasArgument ? "filter " + std::string(name) + " takes no argument"
                                 : "filter " + std::string(name) + " is written " + std::string(name) + "=" +
                                       std::string(info->argument));
-    if (name == "drop-comments") return makeDropComments(next);
-    if (name == "drop-defaults") return makeDropDefaults(next);
-    if (name == "drop-metadata") return makeDropMetadata(next);
-    if (name == "drop-names") return makeDropNames(next);
-    if (name == "drop-scripts") return makeDropScripts(next);
+    if (name.starts_with("drop-")) return makeDropFilter(name.substr(5), next);
     if (name == "embed") return makeEmbed(next, context);
     if (name == "flatten-inlines") return makeFlattenInlines(next, context);
     if (name == "flatten-protos") return makeFlattenProtos(next, context);

@@ -6,8 +6,9 @@
 #include <cstring>
 #include <set>
 
-#include <rtsg/core/memory.h>
+#include <rtsg/core/machine.h>
 #include <rtsg/core/portable_math.h>
+#include <rtsg/core/web_address.h>
 
 #include "gltf_check.h"
 #include "gltf_looks.h"
@@ -25,19 +26,8 @@ constexpr const char *kDraco = "KHR_draco_mesh_compression", *kMeshopt = "EXT_me
                      *kMeshoptLater = "KHR_meshopt_compression";
 
 std::size_t componentSize(std::size_t type) {
-    switch (type) {
-        case 5120:
-        case 5121:
-            return 1;
-        case 5122:
-        case 5123:
-            return 2;
-        case 5125:
-        case 5126:
-            return 4;
-        default:
-            return 0;
-    }
+    constexpr std::size_t kFirst = 5120, kSizes[] = {1, 1, 2, 2, 0, 4, 4};
+    return type >= kFirst && type - kFirst < std::size(kSizes) ? kSizes[type - kFirst] : 0;
 }
 
 std::size_t componentsOf(std::string_view type) {
@@ -73,47 +63,6 @@ double component(const char* p, std::size_t type, bool normalized) {
 }
 
 }  // namespace
-
-std::optional<std::string> fromBase64(std::string_view text) {
-    const auto digit = [](char c) {
-        if (c >= 'A' && c <= 'Z') return c - 'A';
-        if (c >= 'a' && c <= 'z') return c - 'a' + 26;
-        if (c >= '0' && c <= '9') return c - '0' + 52;
-        return c == '+' || c == '-' ? 62 : c == '/' || c == '_' ? 63 : -1;
-    };
-    std::string result;
-    result.reserve(text.size() / 4 * 3);
-    std::uint32_t bits = 0;
-    int count = 0;
-    for (const char c : text) {
-        if (c == '=' || c == '\n' || c == '\r') continue;
-        const int value = digit(c);
-        if (value < 0) return std::nullopt;
-        bits = bits << 6 | static_cast<std::uint32_t>(value);
-        if (++count % 4 == 0)
-            for (const int shift : {16, 8, 0}) result += static_cast<char>(bits >> shift & 255);
-    }
-    if (count % 4 == 2) result += static_cast<char>(bits >> 4 & 255);
-    if (count % 4 == 3) {
-        result += static_cast<char>(bits >> 10 & 255);
-        result += static_cast<char>(bits >> 2 & 255);
-    }
-    return count % 4 == 1 ? std::nullopt : std::optional(std::move(result));
-}
-
-std::string toBase64(std::string_view bytes) {
-    constexpr char digits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    std::string result;
-    result.reserve((bytes.size() + 2) / 3 * 4);
-    for (std::size_t i = 0; i < bytes.size(); i += 3) {
-        std::uint32_t bits = 0;
-        const std::size_t count = std::min<std::size_t>(3, bytes.size() - i);
-        for (std::size_t k = 0; k < 3; ++k)
-            bits = bits << 8 | (k < count ? static_cast<unsigned char>(bytes[i + k]) : 0u);
-        for (std::size_t k = 0; k < 4; ++k) result += k <= count ? digits[bits >> (18 - 6 * k) & 63] : '=';
-    }
-    return result;
-}
 
 bool GltfFile::open() {
     std::string_view text = input_.bytes;
@@ -376,7 +325,7 @@ std::string_view GltfFile::buffer(std::size_t index) {
         buffers_[index].emplace();
         if (uri.starts_with("data:")) {
             const std::size_t comma = uri.find(";base64,");
-            auto bytes = comma == uri.npos ? std::nullopt : fromBase64(std::string_view(uri).substr(comma + 8));
+            auto bytes = comma == uri.npos ? std::nullopt : base64Decoded(std::string_view(uri).substr(comma + 8));
             if (bytes)
                 *buffers_[index] = std::move(*bytes);
             else

@@ -138,8 +138,4 @@ std::optional<Array<T>> GltfFile::floatArray(std::size_t number) {
     return result;
 }
 
-/// The bytes of base64 text; nothing if it is none.
-std::optional<std::string> fromBase64(std::string_view text);
-std::string toBase64(std::string_view bytes);
-
 }  // namespace rtsg::detail

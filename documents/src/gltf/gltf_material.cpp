@@ -8,6 +8,7 @@
 
 #include <rtsg/core/never_destroyed.h>
 #include <rtsg/core/portable_math.h>
+#include <rtsg/core/web_address.h>
 
 #include "gltf_looks.h"
 
@@ -253,7 +254,8 @@ void GltfMaterials::writeTexture(const json& reference, const std::string& field
         if (bytes.empty()) return;  // which has been told
         const std::string type = GltfFile::text(*image, "mimeType");
         if (!file_.mayMake(bytes.size() / 3 * 4)) return;
-        url = "data:" + (type.empty() ? std::string("image/png") : type) + ";base64," + toBase64(bytes);
+        url = "data:" + (type.empty() ? std::string("image/png") : type) + ";base64," +
+              base64(std::as_bytes(std::span(bytes)));
     }
     textureGiven_.insert(*index);
     GltfNode out(out_, "ImageTexture", field, def);

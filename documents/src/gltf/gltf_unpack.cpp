@@ -6,7 +6,7 @@
 #include <span>
 #include <stdexcept>
 
-#include <rtsg/core/memory.h>
+#include <rtsg/core/machine.h>
 #include <rtsg/core/module.h>
 #include <rtsg/core/sandbox.h>
 

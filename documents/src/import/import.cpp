@@ -234,9 +234,9 @@ void writeTexCoords(DocumentHandler& handler, ImportedMesh& mesh) {
 
 }  // namespace
 
-void writeUnlitAppearance(DocumentHandler& handler) {
+void writeAppearance(DocumentHandler& handler, const char* material) {
     handler.beginNode("Appearance", {}, "appearance", {});
-    handler.beginNode("UnlitMaterial", {}, "material", {});
+    handler.beginNode(material, {}, "material", {});
     handler.endNode({});
     handler.endNode({});
 }

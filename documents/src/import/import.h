@@ -83,8 +83,9 @@ struct ImportedMesh {
     bool pointsGiven = false;  // a Coordinate of that name is there already
 };
 
-/// An Appearance in field `appearance` for points without normals, which a Material would leave black.
-void writeUnlitAppearance(DocumentHandler& handler);
+/// An Appearance in field `appearance` with a material of this type as it is by default; an UnlitMaterial is for points
+/// without normals, which a Material would leave black.
+void writeAppearance(DocumentHandler& handler, const char* material);
 /// An IndexedTriangleSet, an IndexedFaceSet or, without faces, a PointSet in field `geometry`.
 void writeMesh(DocumentHandler& handler, ImportedMesh mesh);
 

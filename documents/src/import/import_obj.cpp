@@ -263,7 +263,7 @@ class ObjReader {
         }
         handler.beginNode("Shape", shape.def, {}, {});
         if (mesh.faces.empty() && mesh.normals.empty())
-            writeUnlitAppearance(handler);
+            rtsg::detail::writeAppearance(handler, "UnlitMaterial");
         else
             writeAppearance(handler, shape.material);
         writeMesh(handler, std::move(mesh));

@@ -189,32 +189,12 @@ class PlyReader {
             return true;
         }
         if (at_ > bytes_.size() || bytes_.size() - at_ < kSizes[static_cast<std::size_t>(type)]) return false;
-        switch (type) {
-            case Number::i8:
-                out = binary<std::int8_t>();
-                break;
-            case Number::u8:
-                out = binary<std::uint8_t>();
-                break;
-            case Number::i16:
-                out = binary<std::int16_t>();
-                break;
-            case Number::u16:
-                out = binary<std::uint16_t>();
-                break;
-            case Number::i32:
-                out = binary<std::int32_t>();
-                break;
-            case Number::u32:
-                out = binary<std::uint32_t>();
-                break;
-            case Number::f32:
-                out = binary<float>();
-                break;
-            case Number::f64:
-                out = binary<double>();
-                break;
-        }
+        using Read = double (PlyReader::*)();
+        static constexpr Read reads[] = {&PlyReader::binary<std::int8_t>,  &PlyReader::binary<std::uint8_t>,
+                                         &PlyReader::binary<std::int16_t>, &PlyReader::binary<std::uint16_t>,
+                                         &PlyReader::binary<std::int32_t>, &PlyReader::binary<std::uint32_t>,
+                                         &PlyReader::binary<float>,        &PlyReader::binary<double>};
+        out = (this->*reads[static_cast<std::size_t>(type)])();
         return true;
     }
     bool readProperty(const Property& property, bool inFace) {
@@ -298,14 +278,7 @@ bool importPly(const ImportInput& input, DocumentHandler& handler, Diagnostics& 
     }
     beginImported(handler, "from PLY");
     handler.beginNode("Shape", {}, {}, {});
-    if (mesh.faces.empty() && mesh.normals.empty()) {
-        writeUnlitAppearance(handler);
-    } else {
-        handler.beginNode("Appearance", {}, "appearance", {});
-        handler.beginNode("Material", {}, "material", {});
-        handler.endNode({});
-        handler.endNode({});
-    }
+    writeAppearance(handler, mesh.faces.empty() && mesh.normals.empty() ? "UnlitMaterial" : "Material");
     writeMesh(handler, std::move(mesh));
     handler.endNode({});
     handler.endDocument();

@@ -101,10 +101,7 @@ bool importStl(const ImportInput& input, DocumentHandler& handler, Diagnostics& 
     std::size_t replaced = 0;  // the format knows no encoding
     if (!name.empty()) handler.meta("title", replaceInvalidUtf8(name, replaced), {});
     handler.beginNode("Shape", {}, {}, {});
-    handler.beginNode("Appearance", {}, "appearance", {});
-    handler.beginNode("Material", {}, "material", {});
-    handler.endNode({});
-    handler.endNode({});
+    writeAppearance(handler, "Material");
     writeMesh(handler, std::move(mesh));
     handler.endNode({});
     handler.endDocument();

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include <rtsg/core/script_url.h>
+#include <rtsg/core/web_address.h>
 #include <rtsg/core/x3d.h>
 
 #include "fetch_ahead.h"

@@ -5,7 +5,7 @@
 #include <charconv>
 #include <stdexcept>
 
-#include <rtsg/core/memory.h>
+#include <rtsg/core/machine.h>
 #include <rtsg/core/module.h>
 #include <rtsg/core/sandbox.h>
 #include <rtsg/documents/filter.h>

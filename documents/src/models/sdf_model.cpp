@@ -2,7 +2,6 @@
 #include "sdf_model.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <map>
 #include <optional>
@@ -14,7 +13,7 @@
 #include <rtsg/core/portable_math.h>
 #include <rtsg/core/rotation.h>
 
-#include "xml_tree.h"
+#include "robot_reader.h"
 
 namespace rtsg::detail {
 
@@ -55,9 +54,9 @@ glm::dquat rotationTo(const glm::dvec3& up) {
     return rotationAround(glm::normalize(axis), portable::atan2(glm::length(axis), up.z));
 }
 
-class SdfReader {
+class SdfReader : private RobotReader {
   public:
-    SdfReader(UrdfModel& model, Diagnostics& diagnostics) : model_(model), diagnostics_(diagnostics) {}
+    using RobotReader::RobotReader;
 
     bool run(std::string_view text) {
         if (!tree_.read(text, diagnostics_)) return false;
@@ -79,42 +78,14 @@ class SdfReader {
     }
 
   private:
-    // ---- reports
-    void error(const XmlElement& at, const std::string& what) { diagnostics_.error(at.where, what); }
-    static std::string nameOf(const XmlElement& e) {
-        const std::string* name = e.attribute("name");
-        return name ? *name : std::string();
-    }
     static std::string named(const XmlElement& e) { return e.name + " " + nameOf(e) + ": "; }
-    void countOthers(const XmlElement& parent, std::initializer_list<std::string_view> known) {
-        for (const std::uint32_t child : parent.children)
-            if (const std::string& name = tree_.elements()[child].name; std::ranges::find(known, name) == known.end())
-                ++others_[name];
-    }
-    void reportOthers() {
-        std::string all;
-        for (const auto& [name, count] : others_)
-            all += (all.empty() ? "" : ", ") + name + (count > 1 ? " (" + std::to_string(count) + ")" : "");
-        if (!all.empty()) diagnostics_.warning({}, "left out, as nothing is made of it here: " + all);
-    }
 
     // ---- numbers
     bool numbersOf(const XmlElement& e, std::span<double> numbers) {
-        constexpr std::string_view kBlank = " \t\r\n";
         std::string_view text = e.text;
-        for (double& number : numbers) {
-            text.remove_prefix(std::min(text.find_first_not_of(kBlank), text.size()));
-            const std::string_view word = text.substr(0, text.find_first_of(kBlank));
-            text.remove_prefix(word.size());
-            const char* const begin = word.data() + word.starts_with('+');
-            const auto [at, problem] = std::from_chars(begin, word.data() + word.size(), number);
-            if (problem == std::errc() && at == word.data() + word.size() && std::isfinite(static_cast<float>(number)))
-                continue;
-            error(e, e.name + " \"" + e.text.substr(0, 60) + "\": expected " + std::to_string(numbers.size()) +
-                         " numbers");
-            return false;
-        }
-        return true;
+        if (std::ranges::all_of(numbers, [&](double& number) { return takeNumber(text, number); })) return true;
+        error(e, e.name + " \"" + e.text.substr(0, 60) + "\": expected " + std::to_string(numbers.size()) + " numbers");
+        return false;
     }
     /// What the child of that name has; nothing if there is none, or if it is faulty, which is reported.
     template <std::size_t count>
@@ -389,10 +360,6 @@ class SdfReader {
         SdfFrame frame;                        // in the model: of the joint that ends in it, or its own
         std::optional<std::uint32_t> joint{};  // that ends in it
     };
-    UrdfModel& model_;
-    Diagnostics& diagnostics_;
-    XmlTree tree_;
-    std::map<std::string, std::size_t> others_;
     std::map<std::string, const XmlElement*> frames_;  // of the present model: links, joints, frames
     std::map<std::string, SdfFrame> placedFrames_;     // the same, in the model
     std::map<std::string, Link> links_;

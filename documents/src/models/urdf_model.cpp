@@ -2,13 +2,10 @@
 #include "urdf_model.h"
 
 #include <algorithm>
-#include <charconv>
-#include <cmath>
-#include <map>
 #include <span>
 #include <unordered_map>
 
-#include "xml_tree.h"
+#include "robot_reader.h"
 
 namespace rtsg::detail {
 
@@ -17,9 +14,9 @@ namespace {
 constexpr double kFullTurn = 6.283185307179586;
 constexpr double kMaxRotations = 64;  // of a joint with limits; others have written huge limits for none
 
-class UrdfReader {
+class UrdfReader : private RobotReader {
   public:
-    UrdfReader(UrdfModel& model, Diagnostics& diagnostics) : model_(model), diagnostics_(diagnostics) {}
+    using RobotReader::RobotReader;
 
     bool run(std::string_view text) {
         if (!tree_.read(text, diagnostics_) || isUnexpanded()) return false;
@@ -38,30 +35,17 @@ class UrdfReader {
         }
         breakCircles();
         findMimics();
+        std::erase_if(others_, [](const auto& one) { return one.first.starts_with("xacro:"); });  // reported already
         reportOthers();
         return true;
     }
 
   private:
     // ---- reports
-    void error(const XmlElement& at, const std::string& what) { diagnostics_.error(at.where, what); }
-    void warning(const XmlElement& at, const std::string& what) { diagnostics_.warning(at.where, what); }
     /// "link arm: ", for messages.
     static std::string named(const XmlElement& e) {
         const std::string* name = e.attribute("name");
         return e.name + (name && !name->empty() ? " " + *name : "") + ": ";
-    }
-    void countOthers(const XmlElement& parent, std::initializer_list<std::string_view> known) {
-        for (const std::uint32_t child : parent.children)
-            if (const std::string& name = tree_.elements()[child].name;
-                std::ranges::find(known, name) == known.end() && !name.starts_with("xacro:"))
-                ++others_[name];
-    }
-    void reportOthers() {
-        std::string all;
-        for (const auto& [name, count] : others_)
-            all += (all.empty() ? "" : ", ") + name + (count > 1 ? " (" + std::to_string(count) + ")" : "");
-        if (!all.empty()) diagnostics_.warning({}, "left out, as nothing is made of it here: " + all);
     }
     /// Whether the file has to go through xacro first: its numbers are expressions. Elements of xacro alone are left
     /// out.
@@ -87,20 +71,10 @@ class UrdfReader {
 
     // ---- numbers
     static bool numbersOf(std::string_view text, std::span<double> numbers) {
-        constexpr std::string_view kBlank = " \t\r\n";
-        std::size_t count = 0;
-        for (;;) {
-            text.remove_prefix(std::min(text.find_first_not_of(kBlank), text.size()));
-            if (text.empty()) return count == numbers.size();
-            std::string_view word = text.substr(0, text.find_first_of(kBlank));
-            text.remove_prefix(word.size());
-            if (word.starts_with('+')) word.remove_prefix(1);
-            if (count == numbers.size()) return false;
-            const char* const end = word.data() + word.size();
-            const auto [at, problem] = std::from_chars(word.data(), end, numbers[count]);
-            if (problem != std::errc() || at != end || !std::isfinite(static_cast<float>(numbers[count]))) return false;
-            ++count;
-        }
+        for (double& number : numbers)
+            if (!takeNumber(text, number)) return false;
+        skipBlanks(text);
+        return text.empty();
     }
     /// Leaves `numbers` as they are, and false, if there is no such attribute; if it is faulty, that is reported.
     bool read(const XmlElement& e, std::string_view attribute, std::span<double> numbers) {
@@ -415,10 +389,6 @@ class UrdfReader {
         }
     }
 
-    UrdfModel& model_;
-    Diagnostics& diagnostics_;
-    XmlTree tree_;
-    std::map<std::string, std::size_t> others_;
     std::unordered_map<std::string, UrdfMaterial> materials_;
     std::unordered_map<std::string, std::uint32_t> links_, joints_;
     std::vector<bool> endsIn_;  // whether a joint ends in the link

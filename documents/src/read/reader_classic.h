@@ -116,7 +116,7 @@ class ClassicReader final : private FieldTextReport {
     const char* released_;  // text before it is released
     DocumentHandler* handler_;
     DocumentHandler* loud_;  // the real one, while muted
-    NullHandler silent_;
+    Filter silent_;
     std::size_t mutedAt_ = kNotMuted;  // frames below this depth are silent
     static constexpr std::size_t kLongestHeader = 1 << 12;
     bool holdsText_ = false;  // the value being read is wanted as text

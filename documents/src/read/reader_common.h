@@ -8,6 +8,7 @@
 #include <string>
 
 #include <rtsg/documents/dialect.h>
+#include <rtsg/documents/filter.h>
 
 #include "commands/reader_types.h"
 #include "commands/time_limit.h"

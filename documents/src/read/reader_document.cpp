@@ -9,7 +9,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <rtsg/core/memory.h>
+#include <rtsg/core/machine.h>
 #include <rtsg/core/resource.h>
 #include <rtsg/core/web_address.h>
 #include <rtsg/documents/read_document.h>

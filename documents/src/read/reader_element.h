@@ -151,7 +151,7 @@ class ElementReader : private FieldTextReport {
     DocumentHandler* handler_;
     DocumentHandler* loud_;
     std::unique_ptr<HeldScript> held_;  // the outermost open Script of a PROTO's body, which hears all that is in it
-    NullHandler silent_;
+    Filter silent_;
     static constexpr std::size_t kNotMuted = ~std::size_t{0};
     std::size_t mutedAt_ = kNotMuted;
     Diagnostics& diagnostics_;

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <iterator>
 
-#include <rtsg/core/script_url.h>
+#include <rtsg/core/web_address.h>
 
 #include "commands/spelled_name.h"
 #include "commands/suggestion.h"

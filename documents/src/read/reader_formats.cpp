@@ -5,7 +5,7 @@
 #include <exception>
 #include <vector>
 
-#include <rtsg/core/memory.h>
+#include <rtsg/core/machine.h>
 #include <rtsg/core/never_destroyed.h>
 #include <rtsg/documents/read_document.h>
 

@@ -45,18 +45,6 @@ std::string x3dVersion(const DocumentHeader& header) {
     return spelled && (version.starts_with('3') || version.starts_with('4')) ? version : "4.0";
 }
 
-std::size_t arraySize(const Value& value) {
-    switch (value.type()) {
-#define RTSG_X(suffix, T)       \
-    case FieldType::MF##suffix: \
-        return value.as<Array<T>>().size();
-        RTSG_FIELD_TYPES(RTSG_X)
-#undef RTSG_X
-        default:
-            return 0;
-    }
-}
-
 namespace {
 
 constexpr std::size_t kWidth = 100, kFullAt = 1 << 16;
@@ -116,7 +104,7 @@ struct NumberElement {
 
 void appendWrapped(std::string& out, const Value& value, TextSyntax syntax, std::size_t indent,
                    const std::function<void()>& full) {
-    const std::size_t size = isMF(value.type()) ? arraySize(value) : 0;
+    const std::size_t size = elementsIn(value);
     if (size < 2) {
         appendFieldText(out, value, syntax);
         return;

@@ -14,14 +14,13 @@
 
 #include "commands/reader_types.h"
 #include "commands/spelled_name.h"
+#include "commands/value_numbers.h"
 #include "text/field_text_printer.h"
 
 namespace rtsg::detail {
 
 /// Bytes of text at which a writer hands over its buffer.
 constexpr std::size_t kFlushAt = 1 << 16;
-
-std::size_t arraySize(const Value& value);
 
 /// Appends a value; an MF value that does not fit one line is broken into lines that start at `indent` spaces. XML text
 /// is not escaped yet. `full` is called every so often within long values, and may empty `out`.

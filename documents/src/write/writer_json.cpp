@@ -5,7 +5,7 @@
 #include <set>
 #include <utility>
 
-#include <rtsg/core/script_url.h>
+#include <rtsg/core/web_address.h>
 
 #include "commands/units.h"
 #include "writer_common.h"
@@ -36,7 +36,7 @@ void appendValue(std::string& text, const Value& value, const std::function<void
             if (full && text.size() >= kFlushAt) full();
         }
     });
-    for (std::size_t i = 0, size = numbers ? 0 : arraySize(value); i < size; ++i) {
+    for (std::size_t i = 0, size = numbers ? 0 : elementsIn(value); i < size; ++i) {
         if (i) text += ',';
         std::string element;
         appendArrayElement(element, value, i, TextSyntax::json);

@@ -37,7 +37,7 @@ int openNameless() {
 
 bool isLongList(const Value& value) {
     constexpr std::size_t longest = 1 << 12;
-    return isMF(value.type()) && arraySize(value) > longest &&
+    return isMF(value.type()) && elementsIn(value) > longest &&
            withNumbers(value, [](const auto*, std::size_t, std::size_t) {});
 }
 

@@ -7,7 +7,7 @@
 #include <set>
 #include <utility>
 
-#include <rtsg/core/script_url.h>
+#include <rtsg/core/web_address.h>
 
 #include "commands/units.h"
 #include "writer_common.h"

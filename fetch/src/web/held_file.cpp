@@ -8,7 +8,7 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
-#include <rtsg/core/memory.h>
+#include <rtsg/core/machine.h>
 
 namespace rtsg::fetch {
 

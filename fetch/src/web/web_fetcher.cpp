@@ -14,7 +14,7 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/core/memory.h>
+#include <rtsg/core/machine.h>
 #include <rtsg/core/resource.h>
 
 #include "disk_cache.h"

@@ -7,7 +7,7 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/core/delayed_library.h>
+#include <rtsg/core/module.h>
 #include <rtsg/core/x3d.h>
 
 #include "engine.h"

@@ -10,7 +10,7 @@
 
 #include <rtsg/core/never_destroyed.h>
 #include <rtsg/core/resource.h>
-#include <rtsg/core/script_url.h>
+#include <rtsg/core/web_address.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/scripts/run_scripts.h>
 

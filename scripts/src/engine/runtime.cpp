@@ -9,7 +9,7 @@
 
 #include <pthread.h>
 
-#include <rtsg/core/delayed_library.h>
+#include <rtsg/core/module.h>
 #include <rtsg/core/never_destroyed.h>
 
 namespace rtsg::delayed {

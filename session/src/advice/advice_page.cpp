@@ -4,7 +4,7 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/core/markup.h>
+#include <rtsg/core/field_text.h>
 
 #include "trials.h"
 

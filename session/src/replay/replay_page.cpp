@@ -13,8 +13,9 @@
 #include <fmt/chrono.h>
 #include <fmt/format.h>
 
-#include <rtsg/core/markup.h>
+#include <rtsg/core/field_text.h>
 #include <rtsg/core/output_file.h>
+#include <rtsg/core/web_address.h>
 #include <rtsg/renderers/picture.h>
 
 namespace rtsg {

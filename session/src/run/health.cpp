@@ -6,7 +6,7 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/core/memory.h>
+#include <rtsg/core/machine.h>
 
 namespace rtsg {
 

@@ -1,7 +1,7 @@
 // Computes the state hash of a stream from its changes alone.
 #include "origin_hash.h"
 
-#include <rtsg/core/partial_hash.h>
+#include <rtsg/core/hash_terms.h>
 
 namespace rtsg {
 

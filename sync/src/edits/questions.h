@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include <rtsg/core/partial_hash.h>
+#include <rtsg/core/hash_terms.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/sync/replay.h>
 

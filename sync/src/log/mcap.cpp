@@ -9,7 +9,7 @@
 #include <zlib.h>
 #include <zstd.h>
 
-#include <rtsg/core/delayed_library.h>
+#include <rtsg/core/module.h>
 
 namespace rtsg::delayed {
 extern DelayedLibrary zstd;

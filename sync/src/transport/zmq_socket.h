@@ -14,8 +14,8 @@
 
 #include <zmq.h>
 
-#include <rtsg/core/delayed_library.h>
 #include <rtsg/core/diagnostic.h>
+#include <rtsg/core/module.h>
 
 namespace rtsg::delayed {
 extern DelayedLibrary zmq;

@@ -259,20 +259,6 @@ TEST(Pointers, AnOrthoViewpointHasParallelBearings) {
     EXPECT_LT(glm::distance(b.origin, Vec3d(1 + 1 + .5 * 4, 2 + .5 * 2, 9)), 1e-9);
 }
 
-TEST(Pointers, WhatItIsOverSaysWhatItIs) {
-    PointerScene s(std::string(kTouched) +
-                   " Transform { translation 5 0 0 children Anchor { description \"a way out\" children "
-                   "Shape { geometry Box { } } } }");
-    EXPECT_THAT(pointedDescriptions(s.scene), ElementsAre());
-    s.send(0, {0, 0, 9}, {0, 0, -1});
-    s.send(0, {5, 0, 9}, {0, 0, -1}, 1);
-    s.frame();
-    EXPECT_THAT(pointedDescriptions(s.scene), ElementsAre("a bell", "a way out"));
-    s.send(0, {9, 9, 9}, {0, 0, -1});
-    s.frame();
-    EXPECT_THAT(pointedDescriptions(s.scene), ElementsAre("a way out"));
-}
-
 TEST(Pointers, AnAnchorThatIsActivatedIsToldToTheApplication) {
     PointerScene s("DEF S Anchor { url \"next.x3d\" children Shape { geometry Box { } } }");
     s.send(1, {0, 0, 9}, {0, 0, -1});

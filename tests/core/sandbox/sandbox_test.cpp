@@ -21,7 +21,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <rtsg/core/memory.h>
+#include <rtsg/core/machine.h>
 #include <rtsg/core/sandbox.h>
 
 namespace rtsg {

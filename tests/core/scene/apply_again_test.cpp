@@ -6,7 +6,7 @@
 #include <cstring>
 #include <random>
 
-#include <rtsg/core/partial_hash.h>
+#include <rtsg/core/hash_terms.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
 

@@ -1,7 +1,6 @@
 // The state hash: values that never change, what may not change them, and what must. PROTOCOL.md, "State hash", says
 // how they come about; sync/js/test/state_hash.test.js has some of them from its own code.
 #include <rtsg/core/hash_terms.h>
-#include <rtsg/core/partial_hash.h>
 
 #include <set>
 

@@ -118,5 +118,17 @@ TEST(WebAddress, DocumentsOnTheNetworkNameNoFiles) {
     EXPECT_TRUE(resources.open("https://h/a", "data:text/plain,yes"));
 }
 
+TEST(Base64, ComesBackWhateverItsLength) {
+    const auto encoded = [](const std::string& bytes) { return base64(std::as_bytes(std::span(bytes))); };
+    EXPECT_EQ(encoded("any carnal pleas"), "YW55IGNhcm5hbCBwbGVhcw==");
+    std::string bytes;
+    for (int i = 0; i < 300; ++i) {
+        EXPECT_EQ(base64Decoded(encoded(bytes)), bytes);
+        bytes += static_cast<char>(i * 7);
+    }
+    EXPECT_EQ(base64Decoded("a*b="), std::nullopt);
+    EXPECT_EQ(base64Decoded("abcde"), std::nullopt);
+}
+
 }  // namespace
 }  // namespace rtsg

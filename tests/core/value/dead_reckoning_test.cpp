@@ -4,7 +4,7 @@
 
 #include <gtest/gtest.h>
 
-#include <rtsg/core/dead_reckoning.h>
+#include <rtsg/core/dis_pdu.h>
 #include <rtsg/core/geo_system.h>
 
 namespace rtsg::dis {

@@ -3,7 +3,7 @@
 
 #include <gmock/gmock.h>
 
-#include <rtsg/core/memory.h>
+#include <rtsg/core/machine.h>
 #include <rtsg/core/resource.h>
 
 #include "support/resident_bytes.h"

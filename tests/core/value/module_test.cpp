@@ -4,7 +4,6 @@
 
 #include <gtest/gtest.h>
 
-#include <rtsg/core/delayed_library.h>
 #include <rtsg/core/module.h>
 
 #ifdef RTSG_HAS_STUBS

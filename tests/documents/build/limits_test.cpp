@@ -8,7 +8,7 @@
 #include <zlib.h>
 
 #include <rtsg/core/document_services.h>
-#include <rtsg/core/memory.h>
+#include <rtsg/core/machine.h>
 #include <rtsg/documents/command_list.h>
 #include <rtsg/documents/loader.h>
 #include <rtsg/documents/world.h>

@@ -18,7 +18,7 @@ using testing::HasSubstr;
 const std::string kMaterialsFile = RTSG_SOURCE_DIR "/examples/materials/materials.x3dv";
 
 /// The interfaces of a document's prototypes, a line for each name and field.
-struct Interfaces final : NullHandler {
+struct Interfaces final : Filter {
     std::vector<std::string> lines;
     std::vector<std::string> names;
     void beginProto(std::string_view name, SourceLocation) override {

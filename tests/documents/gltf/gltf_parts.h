@@ -7,6 +7,8 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/web_address.h>
+
 #include "documents/import/imported.h"
 #include "gltf/gltf_file.h"
 
@@ -46,7 +48,7 @@ class GltfParts {
         return fmt::format(
             "{{\"asset\":{{\"version\":\"2.0\"}},\"buffers\":[{{\"byteLength\":{},\"uri\":"
             "\"data:application/octet-stream;base64,{}\"}}],\"bufferViews\":[{}],\"accessors\":[{}],{}}}",
-            buffer_.size(), rtsg::detail::toBase64(buffer_), views_, accessors_, rest);
+            buffer_.size(), rtsg::base64(std::as_bytes(std::span(buffer_))), views_, accessors_, rest);
     }
 
   private:

@@ -15,6 +15,7 @@
 #include <glm/glm.hpp>
 #include <glm/gtc/matrix_transform.hpp>
 
+#include <rtsg/core/web_address.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/documents/loader.h>
 
@@ -85,8 +86,8 @@ struct Gltf {
 TEST(ImportGltf, JsonAndGlbGiveTheSameSceneByHand) {
     const Gltf file;
     const Imported binary(file.glb());
-    const Imported text(
-        file.json(",\"uri\":\"data:application/octet-stream;base64," + detail::toBase64(file.buffer) + "\""));
+    const Imported text(file.json(",\"uri\":\"data:application/octet-stream;base64," +
+                                  base64(std::as_bytes(std::span(file.buffer))) + "\""));
     EXPECT_EQ(binary.problems, "");
     EXPECT_EQ(text.problems, "");
     EXPECT_EQ(binary.commands, text.commands);
@@ -119,8 +120,8 @@ TEST(ImportGltf, JsonAndGlbGiveTheSameSceneByHand) {
 
 TEST(ImportGltf, WhatDoesNotFitIsNamedAndNothingIsReadBeyondIt) {
     const Gltf file;
-    const std::string good =
-        file.json(",\"uri\":\"data:application/octet-stream;base64," + detail::toBase64(file.buffer) + "\"");
+    const std::string good = file.json(",\"uri\":\"data:application/octet-stream;base64," +
+                                       base64(std::as_bytes(std::span(file.buffer))) + "\"");
     const auto spoiled = [&](const char* from, const char* to) {
         std::string text = good;
         const std::size_t at = text.find(from);

@@ -14,7 +14,6 @@
 
 #include "core/scene_check.h"
 #include "documents/recording_handler.h"
-#include "gltf/gltf_file.h"
 #include "import/import.h"
 #include "imported.h"
 
@@ -276,17 +275,6 @@ TEST(FileKinds, WhatIsNotReadIsNamedInOneLine) {
     // In a document a zero byte is the reader's to name.
     EXPECT_THAT(Imported(std::string_view("#X3D V4.0 utf8\nGroup { \0 }", 27)).problems, HasSubstr("zero"));
     EXPECT_THAT(Imported(std::string_view("<X3D>\0</X3D>", 13)).problems, Not(HasSubstr("no text")));
-}
-
-TEST(Base64, ComesBackWhateverItsLength) {
-    EXPECT_EQ(detail::toBase64("any carnal pleas"), "YW55IGNhcm5hbCBwbGVhcw==");
-    std::string bytes;
-    for (int i = 0; i < 300; ++i) {
-        EXPECT_EQ(detail::fromBase64(detail::toBase64(bytes)), bytes);
-        bytes += static_cast<char>(i * 7);
-    }
-    EXPECT_EQ(detail::fromBase64("a*b="), std::nullopt);
-    EXPECT_EQ(detail::fromBase64("abcde"), std::nullopt);
 }
 
 }  // namespace

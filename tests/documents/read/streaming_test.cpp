@@ -410,7 +410,7 @@ TEST(Streaming, ALongTextEndsWhenItsTimeIsOver) {
         policy.maximumSeconds = seconds;
         const Resources resources({}, policy);
         for (const bool isFile : {false, true}) {
-            NullHandler nobody;
+            Filter nobody;
             Diagnostics problems("test");
             const ReadOptions options{.resources = &resources};
             const bool complete = isFile ? readDocumentFile(file.path, nobody, problems, options)

@@ -14,7 +14,7 @@
 #include <unistd.h>
 #include <zlib.h>
 
-#include <rtsg/core/memory.h>
+#include <rtsg/core/machine.h>
 #include <rtsg/core/resource.h>
 
 #include "lying_server.h"

@@ -7,6 +7,7 @@
 
 #include <rtsg/plugins/plugin.h>
 #ifdef ODD_READER
+#include <rtsg/documents/filter.h>
 #include <rtsg/renderers/light_renderer.h>
 #endif
 
@@ -38,7 +39,7 @@ namespace {
 }
 
 /// A writer that gives up after some nodes.
-class Tired final : public rtsg::NullHandler {
+class Tired final : public rtsg::Filter {
   public:
     void beginNode(std::string_view, std::string_view, std::string_view, rtsg::SourceLocation) override {
         throw std::runtime_error("too many nodes");

@@ -8,7 +8,7 @@
 #include <malloc.h>
 #include <zlib.h>
 
-#include <rtsg/core/memory.h>
+#include <rtsg/core/machine.h>
 #include <rtsg/core/resource.h>
 #include <rtsg/renderers/texture.h>
 

@@ -9,7 +9,7 @@
 
 #include <gtest/gtest.h>
 
-#include <rtsg/core/partial_hash.h>
+#include <rtsg/core/hash_terms.h>
 #include <rtsg/core/x3d.h>
 
 #include "random_sets.h"

@@ -8,7 +8,6 @@
 #include <gtest/gtest.h>
 
 #include <rtsg/core/hash_terms.h>
-#include <rtsg/core/partial_hash.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/documents/loader.h>
 #include <rtsg/sync/change_codec.h>

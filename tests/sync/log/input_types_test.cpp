@@ -4,7 +4,7 @@
 
 #include <gtest/gtest.h>
 
-#include <rtsg/core/partial_hash.h>
+#include <rtsg/core/hash_terms.h>
 #include <rtsg/documents/loader.h>
 #include <rtsg/sync/log.h>
 #include <rtsg/sync/replay.h>

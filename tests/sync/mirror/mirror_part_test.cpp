@@ -1,7 +1,7 @@
 // Replicas of a part of a scene: what is in them, that their hash is what the server says, and that they stay in step.
 #include <gtest/gtest.h>
 
-#include <rtsg/core/partial_hash.h>
+#include <rtsg/core/hash_terms.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/sync/log.h>
 #include <rtsg/sync/session.h>

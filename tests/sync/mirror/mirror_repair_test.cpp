@@ -4,7 +4,7 @@
 
 #include <gtest/gtest.h>
 
-#include <rtsg/core/partial_hash.h>
+#include <rtsg/core/hash_terms.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/sync/record.h>
 

@@ -63,15 +63,9 @@ FieldIndex visibleField(const Node& node) {
 }
 
 std::size_t elements(const Value& value) {
-    switch (value.type()) {
-#define RTSG_ELEMENTS(suffix, type) \
-    case FieldType::MF##suffix:     \
-        return value.as<Array<type>>().size();
-        RTSG_FIELD_TYPES(RTSG_ELEMENTS)
-#undef RTSG_ELEMENTS
-        default:
-            return 1;
-    }
+    if (!isMF(value.type())) return 1;
+    const auto* const header = *static_cast<const detail::ArrayHeader* const*>(value.storage());
+    return header ? header->size : 0;
 }
 
 std::string clipped(std::string text) {

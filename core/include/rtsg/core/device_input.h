@@ -109,9 +109,6 @@ struct Bearing {
 };
 Bearing bearingThrough(const Scene& scene, double x, double y, double aspect);
 
-/// The descriptions of the sensors and Anchors under a pointer, to be shown to people; empty ones are left out.
-std::vector<std::string> pointedDescriptions(const Scene& scene);
-
 /// A point where a ray meets a surface.
 struct Crossing {
     Vec3d point{0}, normal{0, 0, 1};  // world space; the normal a unit vector, on the surface's front

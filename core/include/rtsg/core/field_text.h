@@ -1,4 +1,4 @@
-// One field value as text: parses and prints it in the three text encodings.
+// One field value as text: parses and prints it in the three text encodings; escapes text for HTML and XML.
 //
 // Invariant: parseFieldText(v.type(), printFieldText(v, s), s) == v for ClassicVRML and XML and every value without
 // nodes and without NaN or infinity; numbers are printed as the shortest text that reads back as the same bits.
@@ -32,5 +32,9 @@ void appendFieldText(std::string& out, const Value& value, TextSyntax syntax);
 
 /// The text as a JSON string with its quotes. Bytes that are not UTF-8 become U+FFFD.
 std::string jsonString(std::string_view text);
+
+/// Escapes for content and attributes of HTML and XML (1.0, 2.2 and 2.4). Control characters, which XML cannot have,
+/// become U+FFFD.
+std::string escapeMarkup(std::string_view text);
 
 }  // namespace rtsg

@@ -63,7 +63,7 @@ class Resource {
     const std::string& mediaType() const { return mediaType_; }
     /// The text after `#`, decoded.
     const std::string& fragment() const { return fragment_; }
-    /// Returns the content; call it once. Errors: more bytes than the policy or the process's limit (memory.h) allows;
+    /// Returns the content; call it once. Errors: more bytes than the policy or the process's limit (machine.h) allows;
     /// what the system reports.
     Result<std::string> read();
     /// The open file, for reading it in pieces; this object keeps it. -1 for a `data:` url.

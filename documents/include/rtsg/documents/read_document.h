@@ -1,7 +1,7 @@
 // Reads a document of any encoding, plain or gzip, as a stream of commands to a handler.
 //
 // Threading: one thread, which may use others for long lists. Bad input never throws; the diagnostics have it, with
-// positions. Reading ends when the process reaches its memory limit (memory.h). Source: RTSG paper 3.1.
+// positions. Reading ends when the process reaches its memory limit (machine.h). Source: RTSG paper 3.1.
 #pragma once
 
 #include <cstdint>

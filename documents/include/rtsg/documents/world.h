@@ -31,7 +31,6 @@
 #include <rtsg/core/scene.h>
 #include <rtsg/documents/document_handler.h>
 #include <rtsg/documents/loader.h>
-#include <rtsg/documents/profile.h>
 
 namespace rtsg {
 

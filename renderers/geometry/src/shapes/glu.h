@@ -5,7 +5,7 @@
 
 #include <stdexcept>
 
-#include <rtsg/core/delayed_library.h>
+#include <rtsg/core/module.h>
 
 namespace rtsg::delayed {
 extern DelayedLibrary glu;

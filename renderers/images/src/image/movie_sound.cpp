@@ -10,7 +10,7 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/core/memory.h>
+#include <rtsg/core/machine.h>
 
 #include "movie_files.h"
 

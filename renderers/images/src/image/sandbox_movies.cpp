@@ -5,7 +5,7 @@
 #include <cmath>
 #include <cstring>
 
-#include <rtsg/core/memory.h>
+#include <rtsg/core/machine.h>
 #include <rtsg/core/sandbox.h>
 
 namespace rtsg {

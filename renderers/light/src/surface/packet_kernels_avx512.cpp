@@ -2,7 +2,7 @@
 #include "packet_kernels.h"
 
 #if defined(__AVX512F__) && defined(__AVX512VL__) && defined(__AVX512DQ__)
-#include <rtsg/core/processor.h>
+#include <rtsg/core/machine.h>
 
 #include "mesh/lanes16.h"
 #include "packet_kernels_impl.h"

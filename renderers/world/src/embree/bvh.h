@@ -17,7 +17,7 @@
 #include <type_traits>
 #include <vector>
 
-#include <rtsg/core/delayed_library.h>
+#include <rtsg/core/module.h>
 #include <rtsg/renderers/instance_delta.h>
 #include <rtsg/renderers/mesh.h>
 #include <rtsg/renderers/ray.h>

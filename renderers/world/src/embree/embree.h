@@ -9,7 +9,7 @@
 #include <string>
 #include <type_traits>
 
-#include <rtsg/core/processor.h>
+#include <rtsg/core/machine.h>
 
 #if RTSG_EMBREE >= 4
 #include <embree4/rtcore.h>

@@ -6,7 +6,7 @@
 
 #include <algorithm>
 
-#include <rtsg/core/delayed_library.h>
+#include <rtsg/core/module.h>
 
 #if defined(RTSG_NOTIFY_TSAN)
 #include <sanitizer/tsan_interface.h>

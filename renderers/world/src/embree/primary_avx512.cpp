@@ -2,7 +2,7 @@
 #include "primary_hits.h"
 
 #if defined(__AVX512F__) && defined(__AVX512VL__) && defined(__AVX512DQ__)
-#include <rtsg/core/processor.h>
+#include <rtsg/core/machine.h>
 
 #include "mesh/lanes16.h"
 #include "primary_kernels_impl.h"

@@ -6,7 +6,7 @@
 // functions that others use, too, or the linker might give everyone its version. Threading: none of its own.
 #pragma once
 
-#include <rtsg/core/processor.h>
+#include <rtsg/core/machine.h>
 
 #include "tree_view.h"
 
