@@ -10,13 +10,13 @@
 
 #include <rtsg/core/x3d.h>
 #include <rtsg/documents/loader.h>
-#include <rtsg/renderers/full_traversal.h>
 #include <rtsg/renderers/image.h>
 #include <rtsg/renderers/parallel_for.h>
 
 #include "bare_embree.h"
 #include "bench/scenes/scenes.h"
 #include "frame_rays.h"
+#include "world/full_traversal.h"
 
 namespace rtsg::bench {
 

@@ -11,10 +11,10 @@
 #include <rtsg/core/x3d.h>
 #include <rtsg/documents/loader.h>
 #include <rtsg/ogre/ogre_renderer.h>
-#include <rtsg/renderers/full_traversal.h>
 
 #include "bench.h"
 #include "bench/scenes/scenes.h"
+#include "world/full_traversal.h"
 
 namespace rtsg::bench {
 

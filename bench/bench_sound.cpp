@@ -9,11 +9,7 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/audio/acoustic_tables.h>
-#include <rtsg/audio/acoustic_tracer.h>
-#include <rtsg/audio/convolver.h>
 #include <rtsg/audio/live_sound.h>
-#include <rtsg/audio/world_geometry.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/documents/loader.h>
 #include <rtsg/renderers/parallel_for.h>
@@ -21,7 +17,11 @@
 
 #include "bare_embree.h"
 #include "bench.h"
+#include "geometry/world_geometry.h"
+#include "rays/acoustic_tracer.h"
+#include "scene/acoustic_tables.h"
 #include "scenes/scenes.h"
+#include "signal/convolver.h"
 #include "sound_rooms.h"
 
 namespace rtsg::bench {

@@ -6,10 +6,10 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/audio/world_geometry.h>
 #include <rtsg/renderers/mesh.h>
 
 #include "bench_stage.h"
+#include "geometry/world_geometry.h"
 
 namespace rtsg::bench {
 namespace {

@@ -18,6 +18,7 @@
 #include <rtsg/renderers/light_renderer.h>
 
 #include "bench_stage.h"
+#include "scene/acoustic_tables.h"
 
 namespace rtsg::bench {
 

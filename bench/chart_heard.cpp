@@ -13,11 +13,11 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/audio/acoustic_engine.h>
 #include <rtsg/core/x3d.h>
 
 #include "bench.h"
 #include "charts.h"
+#include "engine/acoustic_engine.h"
 #include "signal/fft.h"
 #include "sound_rooms.h"
 

@@ -2,12 +2,12 @@
 #include <fmt/format.h>
 
 #include <rtsg/core/x3d.h>
-#include <rtsg/renderers/full_traversal.h>
 #include <rtsg/renderers/shared_world.h>
 
 #include "bench.h"
 #include "chart.h"
 #include "charts.h"
+#include "world/full_traversal.h"
 
 namespace rtsg::bench {
 

@@ -7,12 +7,12 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/audio/acoustic_tracer.h>
 #include <rtsg/audio/listen.h>
 
 #include "audio/triangle_geometry.h"
 #include "bench.h"
 #include "charts.h"
+#include "rays/acoustic_tracer.h"
 #include "sound_rooms.h"
 
 namespace rtsg::bench {

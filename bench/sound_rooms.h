@@ -8,11 +8,12 @@
 #include <string>
 #include <vector>
 
-#include <rtsg/audio/acoustic_tables.h>
 #include <rtsg/audio/live_sound.h>
-#include <rtsg/audio/world_geometry.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/renderers/shared_world.h>
+
+#include "geometry/world_geometry.h"
+#include "scene/acoustic_tables.h"
 
 namespace rtsg::bench {
 

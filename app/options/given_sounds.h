@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include <rtsg/audio/acoustic_engine.h>
+#include <rtsg/audio/acoustic_renderer.h>
 #include <rtsg/audio/clip_library.h>
 #include <rtsg/session/given_sounds.h>
 

@@ -7,7 +7,7 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/audio/media_length.h>
+#include <rtsg/audio/sound_file.h>
 #include <rtsg/documents/loader.h>
 #include <rtsg/renderers/text_measure.h>
 #include <rtsg/scripts/run_scripts.h>

@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include <rtsg/audio/plane_index.h>
+#include "walls/plane_index.h"
 
 namespace rtsg::test {
 

@@ -9,6 +9,7 @@
 #include <rtsg/renderers/image.h>
 #include <rtsg/renderers/mesh.h>
 
+#include "geometry/world_geometry.h"
 #include "support/subscriber_contract.h"
 #include "test_paths.h"
 

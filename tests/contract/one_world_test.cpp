@@ -12,6 +12,8 @@
 #include <rtsg/renderers/light_renderer.h>
 #include <rtsg/renderers/picking.h>
 
+#include "geometry/world_geometry.h"
+
 namespace rtsg {
 namespace {
 

@@ -1,4 +1,4 @@
-// Turns energy over time into pressure: sharp arrivals, shaped noise, filtered in octave bands; and back.
+// Turns energy over time into pressure: sharp arrivals, shaped noise, filtered in octave bands.
 #include <algorithm>
 #include <array>
 #include <bit>
@@ -6,17 +6,17 @@
 #include <numbers>
 #include <utility>
 
-#include <rtsg/audio/ambisonics.h>
 #include <rtsg/audio/impulse_response.h>
-#include <rtsg/audio/panning.h>
 
 #include "arrival_pan.h"
 #include "diffraction_waves.h"
 #include "response/band_classes.h"
+#include "signal/ambisonics.h"
 #include "signal/band_filters.h"
 #include "signal/band_noise.h"
 #include "signal/fft.h"
 #include "signal/fractional_delay.h"
+#include "signal/panning.h"
 #include "signal/random.h"
 #include "signal/sphere_ear.h"
 
@@ -239,36 +239,6 @@ std::uint64_t noiseSeed(std::uint64_t seed, const glm::dvec3& source, const glm:
         for (int axis = 0; axis < 3; ++axis)
             seed = Random::mix(seed, std::bit_cast<std::uint64_t>(point[axis] + 0.0));  // no -0
     return seed;
-}
-
-EnergyHistogram analyseImpulseResponse(std::span<const float> samples, int sampleRate, double binsPerSecond) {
-    EnergyHistogram histogram{binsPerSecond, {}};
-    const auto kept = RealFft::kept(RealFft::sizeFor(samples.size() + kFilterRings));
-    const RealFft& fft = *kept;
-    const BandFilters filters(fft.size(), sampleRate, BandFilters::apart());
-    std::vector<float> padded(fft.size()), band(fft.size());
-    std::copy(samples.begin(), samples.end(), padded.begin());
-    RealFft::Spectrum all, filtered(fft.bins());
-    fft.forward(padded, all);
-    histogram.bins.resize(static_cast<std::size_t>(static_cast<double>(samples.size()) * binsPerSecond / sampleRate) +
-                          1);
-    for (std::size_t b = 0; b < kBandCount; ++b) {
-        // The energy of an impulse in this band, so that a flat spectrum reads the same in all of them.
-        double width = 0;
-        for (std::size_t i = 0; i < fft.bins(); ++i) {
-            filtered[i] = all[i] * filters[b][i];
-            const double w = static_cast<double>(filters[b][i]);
-            width += w * w * (i == 0 || i + 1 == fft.bins() ? 1 : 2);
-        }
-        width /= static_cast<double>(fft.size());
-        fft.inverse(filtered, band);
-        for (std::size_t i = 0; i < samples.size(); ++i) {
-            const double pressure = static_cast<double>(band[i]);
-            histogram.bins[static_cast<std::size_t>(static_cast<double>(i) * binsPerSecond / sampleRate)][b] +=
-                pressure * pressure / (kFourPi * width);
-        }
-    }
-    return histogram;
 }
 
 }  // namespace rtsg

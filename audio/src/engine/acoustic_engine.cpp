@@ -1,5 +1,5 @@
 // Follows states of a scene and cuts time into blocks.
-#include <rtsg/audio/acoustic_engine.h>
+#include "acoustic_engine.h"
 #include <algorithm>
 #include <chrono>
 #include <cmath>

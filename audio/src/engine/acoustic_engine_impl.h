@@ -9,13 +9,13 @@
 #include <span>
 #include <vector>
 
-#include <rtsg/audio/acoustic_engine.h>
-#include <rtsg/audio/ambisonics.h>
 #include <rtsg/audio/clip_library.h>
 
+#include "acoustic_engine.h"
 #include "emitter_state.h"
 #include "head_maker.h"
 #include "listener_motion.h"
+#include "signal/ambisonics.h"
 #include "trace_worker.h"
 
 namespace rtsg {

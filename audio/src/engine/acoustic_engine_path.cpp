@@ -2,9 +2,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include <rtsg/audio/image_sources.h>
-
 #include "acoustic_engine_impl.h"
+#include "images/image_sources.h"
 
 namespace rtsg {
 namespace {

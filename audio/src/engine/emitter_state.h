@@ -10,18 +10,18 @@
 #include <utility>
 #include <vector>
 
-#include <rtsg/audio/acoustic_box.h>
+#include <rtsg/audio/acoustic_geometry.h>
 #include <rtsg/audio/clip_library.h>
-#include <rtsg/audio/convolver.h>
 #include <rtsg/audio/echogram.h>
-#include <rtsg/audio/panning.h>
-#include <rtsg/audio/world_geometry.h>
 
+#include "geometry/world_geometry.h"
 #include "image_player.h"
 #include "moved_walls.h"
 #include "scene/process_player.h"
+#include "signal/convolver.h"
 #include "signal/delay_line.h"
 #include "signal/head_filter.h"
+#include "signal/panning.h"
 #include "trace_worker.h"
 #include "trajectory.h"
 

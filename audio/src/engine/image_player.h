@@ -13,12 +13,11 @@
 #include <span>
 #include <vector>
 
-#include <rtsg/audio/convolver.h>
-
 #include "edges/arrival_pan.h"
 #include "images/followed_edges.h"
 #include "images/followed_images.h"
 #include "ring.h"
+#include "signal/convolver.h"
 #include "signal/delay_line.h"
 #include "signal/head_filter.h"
 #include "signal/pole_bank.h"

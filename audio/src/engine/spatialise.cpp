@@ -5,9 +5,8 @@
 #include <numbers>
 #include <utility>
 
-#include <rtsg/audio/panning.h>
-
 #include "acoustic_engine_impl.h"
+#include "signal/panning.h"
 
 namespace rtsg {
 namespace {

@@ -11,16 +11,16 @@
 #include <optional>
 #include <vector>
 
-#include <rtsg/audio/acoustic_box.h>
-#include <rtsg/audio/acoustic_tables.h>
-#include <rtsg/audio/acoustic_tracer.h>
-#include <rtsg/audio/convolver.h>
+#include <rtsg/audio/acoustic_geometry.h>
 #include <rtsg/audio/echogram.h>
 #include <rtsg/audio/impulse_response.h>
-#include <rtsg/audio/world_geometry.h>
 #include <rtsg/core/worker.h>
 
+#include "geometry/world_geometry.h"
 #include "images/followed_images.h"
+#include "rays/acoustic_tracer.h"
+#include "scene/acoustic_tables.h"
+#include "signal/convolver.h"
 
 namespace rtsg {
 

@@ -15,7 +15,8 @@
 #include <vector>
 
 #include <rtsg/audio/acoustic_geometry.h>
-#include <rtsg/audio/walls.h>
+
+#include "walls/walls.h"
 
 namespace rtsg {
 

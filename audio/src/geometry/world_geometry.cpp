@@ -1,12 +1,11 @@
 // Answers the questions of acoustic tracing with single-precision rays and double-precision planes.
-#include <rtsg/audio/world_geometry.h>
+#include "world_geometry.h"
 #include <algorithm>
 #include <bit>
 #include <cmath>
 #include <functional>
 #include <utility>
-
-#include <rtsg/audio/plane_index.h>
+#include "walls/plane_index.h"
 
 #include "wall_edges.h"
 #include "walls/even_direction.h"

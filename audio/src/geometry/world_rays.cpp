@@ -3,12 +3,11 @@
 #include <bit>
 #include <cmath>
 
-#include <rtsg/audio/plane_index.h>
-#include <rtsg/audio/world_geometry.h>
-
 #include "walls/few_walls.h"
 #include "walls/loose_triangles.h"
+#include "walls/plane_index.h"
 #include "walls/wall_planes.h"
+#include "world_geometry.h"
 
 namespace rtsg {
 namespace {

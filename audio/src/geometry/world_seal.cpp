@@ -4,9 +4,8 @@
 #include <map>
 #include <numbers>
 
-#include <rtsg/audio/world_geometry.h>
-
 #include "signal/random.h"
+#include "world_geometry.h"
 
 namespace rtsg {
 namespace {

@@ -9,8 +9,9 @@
 #include <memory>
 #include <vector>
 
-#include <rtsg/audio/convolver.h>
 #include <rtsg/audio/echogram.h>
+
+#include "signal/convolver.h"
 
 namespace rtsg {
 

@@ -10,7 +10,8 @@
 #include <glm/glm.hpp>
 
 #include <rtsg/audio/acoustic_geometry.h>
-#include <rtsg/audio/image_sources.h>
+
+#include "image_sources.h"
 
 namespace rtsg {
 namespace trace {

@@ -1,5 +1,5 @@
 // The images of a source whose way really leads to the listener, or to some places around it.
-#include <rtsg/audio/image_sources.h>
+#include "image_sources.h"
 
 #include <algorithm>
 #include <cmath>

@@ -11,14 +11,15 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/audio/acoustic_tables.h>
 #include <rtsg/audio/live_sound.h>
-#include <rtsg/audio/sound_device.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/core/worker.h>
 
 #include "audio_events.h"
+#include "engine/acoustic_engine.h"
+#include "scene/acoustic_tables.h"
 #include "sealed_text.h"
+#include "sound_io/sound_device.h"
 #include "sound_io/thread_priority.h"
 
 namespace rtsg {

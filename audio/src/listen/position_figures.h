@@ -1,8 +1,9 @@
 // Works out the figures of a trace besides RoomMetrics. Threading: pure functions.
 #pragma once
 
-#include <rtsg/audio/interaural.h>
 #include <rtsg/audio/listen.h>
+
+#include "response/interaural.h"
 
 namespace rtsg {
 

@@ -1,5 +1,5 @@
 // Lays out the responses of a room as SOFA wants them.
-#include <rtsg/audio/room_responses.h>
+#include <rtsg/audio/room_report.h>
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>

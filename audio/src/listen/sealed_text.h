@@ -5,8 +5,9 @@
 #include <filesystem>
 #include <span>
 
-#include <rtsg/audio/acoustic_engine.h>
 #include <rtsg/core/scene.h>
+
+#include "engine/acoustic_engine.h"
 
 namespace rtsg {
 

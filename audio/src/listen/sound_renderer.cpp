@@ -12,7 +12,6 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/audio/interaural.h>
 #include <rtsg/audio/material_table.h>
 #include <rtsg/audio/sound_renderer.h>
 #include <rtsg/core/scene.h>
@@ -20,7 +19,9 @@
 #include <rtsg/renderers/parallel_for.h>
 
 #include "audio_events.h"
+#include "engine/acoustic_engine.h"
 #include "position_figures.h"
+#include "response/interaural.h"
 #include "response/listening_positions.h"
 #include "response/sealed_result.h"
 #include "room_materials.h"
@@ -136,8 +137,8 @@ struct SoundRenderer::Impl {
 
     /// Reports the findings since the last call.
     void addDiagnostics(const Scene& scene, Diagnostics& diagnostics) {
-        const std::span<const SealedSource> sealed = renderer->sealed();
-        const std::span<const SoundLeak> leaks = renderer->leaks();
+        const std::span<const SealedSource> sealed = renderer->engine().sealed();
+        const std::span<const SoundLeak> leaks = renderer->engine().leaks();
         reportSealed(scene, sealed.subspan(std::exchange(reportedSealed, sealed.size())), start,
                      options.render.document, diagnostics);
         reportLeaks(scene, leaks.subspan(std::exchange(reportedLeaks, leaks.size())), options.render.document,
@@ -177,7 +178,7 @@ Result<> SoundRenderer::follow(const Scene& scene, const ChangeSet& changes, con
 }
 
 std::shared_ptr<const void> SoundRenderer::freezeTables() {
-    return impl_->renderer->latest();
+    return impl_->renderer->tables().latest();
 }
 
 Result<> SoundRenderer::renderFrame(const WorldState& state) {
@@ -191,7 +192,8 @@ Result<> SoundRenderer::renderFrame(const WorldState& state) {
     SoundBuffer& sound = s.report.sound;
     s.blockAt = sound.samples.size();
     if (!s.options.sound) return {};
-    if (auto rendered = s.renderer->render(*tables, *state.rays, state.time, sound); !rendered) return rendered;
+    if (auto rendered = s.renderer->engine().render(*tables, *state.rays, state.time, sound); !rendered)
+        return rendered;
     s.drop();
     s.report.seconds += secondsSince(start);
     return renderOwnNodes(kVoice);
@@ -213,7 +215,7 @@ Result<> SoundRenderer::renderFrame() {
 }
 
 void SoundRenderer::sendEvents() {
-    if (impl_->renderer) sendAudioEvents(world().scene(), impl_->renderer->analyse());
+    if (impl_->renderer) sendAudioEvents(world().scene(), impl_->renderer->engine().analyse());
 }
 
 std::span<float> SoundRenderer::block() {
@@ -224,7 +226,7 @@ double SoundRenderer::blockStart() const {
     return impl_->start + static_cast<double>(before + static_cast<std::size_t>(impl_->dropped)) / sampleRate();
 }
 int SoundRenderer::channels() const {
-    return impl_->renderer ? impl_->renderer->channels() : 0;
+    return impl_->renderer ? impl_->renderer->engine().channels() : 0;
 }
 int SoundRenderer::sampleRate() const {
     return impl_->options.render.sampleRate;
@@ -273,7 +275,7 @@ Result<std::vector<ListenReport::Source>> SoundRenderer::measureAt(const SoundEm
     RoomOpenings openings;
     if (!traces.empty()) openings = room.openings(position, traces.front().exits, traces.front().escaped);
     nameShapes(world().scene(), openings);
-    s.renderer->note(emitter, openings);
+    s.renderer->engine().note(emitter, openings);
     for (std::size_t i = 0; i < listeners.size(); ++i) {
         ListenReport::Source& source = heard.emplace_back();
         source.source = emitter.name;
@@ -283,7 +285,7 @@ Result<std::vector<ListenReport::Source>> SoundRenderer::measureAt(const SoundEm
         setFigures(source, s.earsOf(tracing.air.speedOfSound), s.options.speech);
         source.openings = openings;
         source.schroederHz = schroederFrequency(room, position, listeners[i], source.metrics.value.t20[kBand1k]);
-        s.renderer->note(emitter, listeners[i], world().scene().now(), std::move(seals[i]));
+        s.renderer->engine().note(emitter, listeners[i], world().scene().now(), std::move(seals[i]));
     }
     return heard;
 }
@@ -335,10 +337,10 @@ void SoundRenderer::describeRoom(RoomReport& report) {
     report.sabine = sabineTimes(report.room, materials, report.air);
     report.eyring = eyringTimes(report.room, materials, report.air);
     report.materials = materialsOf(world().scene(), report.room, materials,
-                                   [&](std::uint32_t at) { return s.renderer->nodeOfMaterial(at); });
+                                   [&](std::uint32_t at) { return s.renderer->tables().nodeOfMaterial(at); });
     AcousticBox box = report.room.box;
     for (const RoomReport::Pair& pair : report.pairs) box.extend(pair.sourceAt), box.extend(pair.listenerAt);
-    report.plan = planOf(s.renderer->latest()->walls, listener.y, box);
+    report.plan = planOf(s.renderer->tables().latest()->walls, listener.y, box);
 }
 
 Result<RoomMap> SoundRenderer::map(double height, double step) {
@@ -467,14 +469,14 @@ ListenReport SoundRenderer::finish() {
     if (s.options.limited) s.report.gain = normalise(s.report.sound);
     s.blockAt = 0;
     if (!s.renderer) return std::exchange(s.report, ListenReport());
-    s.report.heard = s.renderer->heard();
-    s.report.streams = s.renderer->streams();
+    s.report.heard = s.renderer->engine().heard();
+    s.report.streams = s.renderer->engine().streams();
     for (StreamedSound& stream : s.report.streams)
         stream.sound.samples.resize(s.report.sound.frames() * static_cast<std::size_t>(stream.sound.channels));
     s.report.diagnostics.append(s.renderer->diagnostics());
     s.addDiagnostics(world().scene(), s.report.diagnostics);
     if (s.hadSounds)
-        reportUnheard(world().scene(), s.renderer->unheard(), s.report.diagnostics);
+        reportUnheard(world().scene(), s.renderer->engine().unheard(), s.report.diagnostics);
     else
         reportNoSounds(world().scene(), s.report.diagnostics);
     if (const auto& materials = s.options.render.materials)

@@ -3,8 +3,9 @@
 
 #include <span>
 
-#include <rtsg/audio/acoustic_engine.h>
 #include <rtsg/core/scene.h>
+
+#include "engine/acoustic_engine.h"
 
 namespace rtsg {
 

@@ -5,11 +5,12 @@
 #include <numbers>
 #include <optional>
 
-#include <rtsg/audio/acoustic_tracer.h>
 #include <rtsg/renderers/parallel_for.h>
 
+#include "acoustic_tracer.h"
 #include "batch_tracer.h"
 #include "diffraction_images.h"
+#include "images/image_sources.h"
 #include "probe_ray.h"
 #include "walls/even_direction.h"
 

@@ -1,5 +1,5 @@
 // Writes maps of figures as tables, and draws them.
-#include <rtsg/audio/room_map.h>
+#include <rtsg/audio/room_report.h>
 
 #include <algorithm>
 #include <cmath>

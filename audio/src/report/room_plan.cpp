@@ -1,5 +1,5 @@
 // Cuts the walls of a room at a height, and finds which points of a grid lie in the room.
-#include <rtsg/audio/room_plan.h>
+#include <rtsg/audio/room_report.h>
 
 #include <algorithm>
 #include <cmath>
@@ -9,6 +9,8 @@
 #include <fmt/format.h>
 
 #include <rtsg/renderers/mesh.h>
+
+#include "walls/walls.h"
 
 namespace rtsg {
 namespace {

@@ -1,5 +1,5 @@
 // Measures a room by rays that scatter, and predicts its reverberation by the formulas of Sabine and Eyring.
-#include <rtsg/audio/room_size.h>
+#include <rtsg/audio/room_report.h>
 
 #include <algorithm>
 #include <array>

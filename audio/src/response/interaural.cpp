@@ -1,5 +1,5 @@
 // Correlates the sound at both ears of a head for each direction, and for a response by the directions of its energy.
-#include <rtsg/audio/interaural.h>
+#include "interaural.h"
 
 #include <algorithm>
 #include <cmath>

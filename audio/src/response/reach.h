@@ -9,7 +9,6 @@
 
 #include <tbb/enumerable_thread_specific.h>
 
-#include <rtsg/audio/acoustic_box.h>
 #include <rtsg/audio/acoustic_geometry.h>
 
 namespace rtsg {

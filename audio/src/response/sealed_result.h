@@ -4,7 +4,8 @@
 #include <optional>
 
 #include <rtsg/audio/trace_result.h>
-#include <rtsg/audio/world_geometry.h>
+
+#include "geometry/world_geometry.h"
 
 namespace rtsg {
 

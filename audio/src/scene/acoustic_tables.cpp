@@ -1,5 +1,5 @@
 // Follows the sound of a scene, and hands out versions of its tables.
-#include <rtsg/audio/acoustic_tables.h>
+#include "acoustic_tables.h"
 
 namespace rtsg {
 

@@ -5,9 +5,8 @@
 #include <numbers>
 #include <utility>
 
-#include <rtsg/audio/panning.h>
-
 #include "process_player.h"
+#include "signal/panning.h"
 
 namespace rtsg {
 

@@ -6,7 +6,7 @@
 #include <numbers>
 #include <span>
 
-#include <rtsg/audio/panning.h>
+#include "signal/panning.h"
 
 namespace rtsg {
 namespace {

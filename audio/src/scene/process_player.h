@@ -13,9 +13,9 @@
 
 #include <rtsg/audio/audio_processing.h>
 #include <rtsg/audio/clip_library.h>
-#include <rtsg/audio/convolver.h>
 #include <rtsg/audio/hrtf.h>
 
+#include "signal/convolver.h"
 #include "signal/delay_line.h"
 #include "signal/head_filter.h"
 

@@ -10,12 +10,12 @@
 #include <fmt/format.h>
 
 #include <rtsg/audio/material_table.h>
-#include <rtsg/audio/walls.h>
 #include <rtsg/core/navigation.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/renderers/camera.h>
 
 #include "sound_fields.h"
+#include "walls/walls.h"
 
 namespace rtsg {
 namespace {

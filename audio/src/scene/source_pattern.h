@@ -6,7 +6,6 @@
 
 #include <glm/glm.hpp>
 
-#include <rtsg/audio/image_sources.h>
 #include <rtsg/audio/sound_scene.h>
 
 namespace rtsg {

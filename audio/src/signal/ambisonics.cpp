@@ -3,7 +3,7 @@
 #include <array>
 #include <cmath>
 
-#include <rtsg/audio/ambisonics.h>
+#include "ambisonics.h"
 
 namespace rtsg {
 

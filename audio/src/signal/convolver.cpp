@@ -1,5 +1,5 @@
 // Convolves block by block in the frequency domain; a new response fades in smoothly.
-#include <rtsg/audio/convolver.h>
+#include "convolver.h"
 #include <algorithm>
 #include <complex>
 #include <memory>

@@ -14,9 +14,9 @@
 
 #include <glm/glm.hpp>
 
-#include <rtsg/audio/convolver.h>
 #include <rtsg/audio/hrtf.h>
 
+#include "convolver.h"
 #include "delay_line.h"
 
 namespace rtsg {

@@ -8,10 +8,10 @@
 #include <mysofa.h>
 
 #include <rtsg/audio/hrtf.h>
-#include <rtsg/audio/panning.h>
 
 #include "fractional_delay.h"
 #include "hrtf_impl.h"
+#include "panning.h"
 #include "sound_libraries.h"
 
 namespace rtsg {

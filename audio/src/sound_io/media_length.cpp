@@ -1,7 +1,6 @@
 // Asks sound files, films and packed sounds in turn.
-#include <rtsg/audio/media_length.h>
-
 #include <rtsg/audio/sound_file.h>
+
 #include <rtsg/renderers/movie_sound.h>
 
 namespace rtsg {

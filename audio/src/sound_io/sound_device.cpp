@@ -3,9 +3,8 @@
 #include <utility>
 #include <vector>
 
-#include <rtsg/audio/sound_device.h>
-
 #include "openal_context.h"
+#include "sound_device.h"
 
 namespace rtsg {
 

@@ -1,5 +1,5 @@
 // Replaces the output device in builds without one (RTSG_SOUND_DEVICE=OFF): it cannot be opened.
-#include <rtsg/audio/sound_device.h>
+#include "sound_device.h"
 
 namespace rtsg {
 

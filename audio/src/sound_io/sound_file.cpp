@@ -10,7 +10,6 @@
 #include <fmt/format.h>
 #include <sndfile.h>
 
-#include <rtsg/audio/sound_comment.h>
 #include <rtsg/audio/sound_file.h>
 #include <rtsg/core/output_file.h>
 #include <rtsg/core/sandbox.h>
@@ -228,18 +227,6 @@ Result<> writeWavWithComment(const std::string& path, const SoundBuffer& sound, 
         return fail(fmt::format("cannot write sound: {}", sf_strerror(file.get())), {}, path);
     if (sf_close(file.release()) != 0) return fail("cannot write sound", {}, path);
     return out->commit();
-}
-
-SoundBuffer mixToMono(const SoundBuffer& sound) {
-    if (sound.channels == 1) return sound;
-    SoundBuffer mono{sound.sampleRate, 1, std::vector<float>(sound.frames())};
-    const auto channels = static_cast<std::size_t>(sound.channels);
-    for (std::size_t i = 0; i < mono.samples.size(); ++i) {
-        float sum = 0;
-        for (std::size_t c = 0; c < channels; ++c) sum += sound.samples[i * channels + c];
-        mono.samples[i] = sum / static_cast<float>(channels);
-    }
-    return mono;
 }
 
 SoundBuffer spread(const SoundBuffer& sound, int channels) {

@@ -13,7 +13,7 @@
 
 #include <glm/glm.hpp>
 
-#include <rtsg/audio/acoustic_box.h>
+#include <rtsg/audio/acoustic_geometry.h>
 
 namespace rtsg {
 

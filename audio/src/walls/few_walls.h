@@ -11,10 +11,10 @@
 #include <vector>
 
 #include <rtsg/audio/acoustic_geometry.h>
-#include <rtsg/audio/walls.h>
 #include <rtsg/renderers/ray_view.h>
 
 #include "wall_planes.h"
+#include "walls.h"
 
 namespace rtsg {
 

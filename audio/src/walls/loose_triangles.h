@@ -8,8 +8,9 @@
 
 #include <glm/glm.hpp>
 
-#include <rtsg/audio/walls.h>
 #include <rtsg/renderers/ray_view.h>
+
+#include "walls.h"
 
 namespace rtsg {
 

@@ -12,7 +12,8 @@
 #include <vector>
 
 #include <rtsg/audio/acoustic_geometry.h>
-#include <rtsg/audio/walls.h>
+
+#include "walls.h"
 
 namespace rtsg {
 

@@ -1,5 +1,5 @@
 // Finds equal planes by hashing normal and distance into cells.
-#include <rtsg/audio/plane_index.h>
+#include "plane_index.h"
 #include <algorithm>
 #include <array>
 #include <cmath>

@@ -11,10 +11,9 @@
 #include <unordered_map>
 #include <vector>
 
-#include <rtsg/audio/plane_index.h>
-#include <rtsg/audio/walls.h>
-
 #include "box_tree.h"
+#include "plane_index.h"
+#include "walls.h"
 
 namespace rtsg {
 

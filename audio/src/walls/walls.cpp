@@ -1,5 +1,5 @@
 // Keeps the walls of a scene in step with the instances, one record for each instance that changed.
-#include <rtsg/audio/walls.h>
+#include "walls.h"
 
 #include <algorithm>
 #include <cmath>

@@ -5,7 +5,6 @@
 #include <fmt/format.h>
 
 #include <rtsg/audio/acoustic_renderer.h>
-#include <rtsg/audio/acoustic_tracer.h>
 #include <rtsg/audio/room_metrics.h>
 
 #include "trials.h"
@@ -83,8 +82,7 @@ struct RoomTrials::Impl {
         Measured result;
         for (std::size_t i = 0; i < std::min(emitters.size(), kMaxSources); ++i) {
             const glm::dvec3 position = scene.position(emitters[i]);
-            const OpenedGeometry room = sound->geometryFor(position);
-            result.figures.push_back(AcousticTracer(room).trace(position, listener, tracing).metrics().value);
+            result.figures.push_back(sound->trace(position, listener, tracing).metrics().value);
         }
         result.cpu = cpuSeconds() - cpu, result.seconds = options.now() - start;
         return result;

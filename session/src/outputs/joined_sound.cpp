@@ -6,7 +6,7 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/audio/sound_comment.h>
+#include <rtsg/audio/sound_file.h>
 
 namespace rtsg {
 

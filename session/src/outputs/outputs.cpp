@@ -8,7 +8,7 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/audio/sound_comment.h>
+#include <rtsg/audio/sound_file.h>
 #include <rtsg/documents/scene_exporter.h>
 #include <rtsg/documents/writer.h>
 #include <rtsg/renderers/image.h>

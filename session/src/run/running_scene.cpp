@@ -9,7 +9,7 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/audio/media_length.h>
+#include <rtsg/audio/sound_file.h>
 #include <rtsg/core/web_address.h>
 #include <rtsg/renderers/text_measure.h>
 #include <rtsg/renderers/world_queries.h>

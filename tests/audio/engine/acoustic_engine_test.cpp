@@ -6,12 +6,12 @@
 
 #include <gtest/gtest.h>
 
-#include <rtsg/audio/acoustic_engine.h>
 #include <rtsg/audio/acoustic_renderer.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/documents/loader.h>
 #include <rtsg/renderers/shared_world.h>
 
+#include "engine/acoustic_engine.h"
 #include "response/reach.h"
 
 namespace rtsg {
@@ -309,7 +309,7 @@ TEST(AcousticEngine, TheRendererIsTheTwoPartsTogether) {
         ASSERT_TRUE(renderer->render(frame / 60.0, sound));
     }
     EXPECT_EQ(sound.samples, apart.samples);
-    EXPECT_EQ(renderer->traces(), engine->heard().responses);
+    EXPECT_EQ(renderer->engine().heard().responses, engine->heard().responses);
     EXPECT_GT(sound.peak(), .01f);
 }
 

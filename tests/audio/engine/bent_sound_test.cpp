@@ -11,9 +11,9 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
-#include <rtsg/audio/acoustic_engine.h>
 #include <rtsg/core/x3d.h>
 #include "edges/diffraction_wedge.h"
+#include "engine/acoustic_engine.h"
 
 #include "played_frames.h"
 

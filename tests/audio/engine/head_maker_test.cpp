@@ -13,12 +13,12 @@
 
 #include <gtest/gtest.h>
 
-#include <rtsg/audio/acoustic_engine.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/documents/loader.h>
 #include <rtsg/renderers/shared_world.h>
 
 #include "audio/signal/rigid_sphere.h"
+#include "engine/acoustic_engine.h"
 #include "signal/hrtf_impl.h"
 
 namespace rtsg {

@@ -7,10 +7,10 @@
 
 #include <gtest/gtest.h>
 
-#include <rtsg/audio/acoustic_engine.h>
 #include <rtsg/core/x3d.h>
 
 #include "audio/signal/rigid_sphere.h"
+#include "engine/acoustic_engine.h"
 #include "engine/trajectory.h"
 #include "played_frames.h"
 

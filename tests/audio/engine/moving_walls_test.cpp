@@ -12,10 +12,11 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
-#include <rtsg/audio/acoustic_engine.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/documents/loader.h>
 #include <rtsg/renderers/shared_world.h>
+
+#include "engine/acoustic_engine.h"
 
 namespace rtsg {
 namespace {

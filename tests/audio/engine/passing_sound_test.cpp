@@ -10,10 +10,10 @@
 
 #include <gtest/gtest.h>
 
-#include <rtsg/audio/acoustic_engine.h>
 #include <rtsg/audio/hrtf.h>
 #include <rtsg/core/x3d.h>
 
+#include "engine/acoustic_engine.h"
 #include "played_frames.h"
 #include "signal/fft.h"
 

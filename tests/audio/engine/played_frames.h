@@ -7,9 +7,10 @@
 
 #include <gtest/gtest.h>
 
-#include <rtsg/audio/acoustic_engine.h>
 #include <rtsg/documents/loader.h>
 #include <rtsg/renderers/shared_world.h>
+
+#include "engine/acoustic_engine.h"
 
 namespace rtsg::test {
 

@@ -6,11 +6,13 @@
 
 #include <gtest/gtest.h>
 
-#include <rtsg/audio/acoustic_tables.h>
 #include <rtsg/audio/live_sound.h>
-#include <rtsg/audio/sound_device.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/documents/loader.h>
+
+#include "engine/acoustic_engine.h"
+#include "scene/acoustic_tables.h"
+#include "sound_io/sound_device.h"
 
 namespace rtsg {
 namespace {

@@ -5,7 +5,7 @@
 
 #include <gtest/gtest.h>
 
-#include <rtsg/audio/room_map.h>
+#include <rtsg/audio/room_report.h>
 
 #include "audio/listen/listen_scene.h"
 

@@ -3,8 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include <rtsg/audio/room_plan.h>
-#include <rtsg/audio/room_size.h>
+#include <rtsg/audio/room_report.h>
 
 #include "audio/triangle_geometry.h"
 

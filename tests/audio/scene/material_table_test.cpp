@@ -6,6 +6,7 @@
 #include <rtsg/audio/material_table.h>
 
 #include "audio/listen/listen_scene.h"
+#include "geometry/world_geometry.h"
 
 namespace rtsg {
 namespace {

@@ -15,6 +15,8 @@
 #include <rtsg/core/x3d.h>
 #include <rtsg/documents/loader.h>
 
+#include "geometry/world_geometry.h"
+
 namespace rtsg {
 namespace {
 

@@ -3,9 +3,9 @@
 
 #include <gtest/gtest.h>
 
-#include <rtsg/audio/acoustic_tracer.h>
-
 #include "audio/triangle_geometry.h"
+#include "images/image_sources.h"
+#include "rays/acoustic_tracer.h"
 
 namespace rtsg {
 namespace {

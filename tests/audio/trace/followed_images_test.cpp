@@ -7,10 +7,9 @@
 
 #include <gtest/gtest.h>
 
-#include <rtsg/audio/image_sources.h>
-
 #include "audio/triangle_geometry.h"
 #include "images/followed_images.h"
+#include "images/image_sources.h"
 
 namespace rtsg {
 namespace {

@@ -6,10 +6,9 @@
 
 #include <gtest/gtest.h>
 
-#include <rtsg/audio/acoustic_tracer.h>
-#include <rtsg/audio/image_sources.h>
-
 #include "audio/triangle_geometry.h"
+#include "images/image_sources.h"
+#include "rays/acoustic_tracer.h"
 
 namespace rtsg {
 namespace {

@@ -7,6 +7,9 @@
 #include <rtsg/audio/impulse_response.h>
 #include <rtsg/audio/room_metrics.h>
 
+#include "signal/band_filters.h"
+#include "signal/fft.h"
+
 namespace rtsg {
 namespace {
 
@@ -49,6 +52,38 @@ TEST(ImpulseResponse, BandWeightsAddUpToOne) {
         EXPECT_NEAR(sum, 1, 1e-12) << hz;
     }
     for (int b = 0; b < kBandCount; ++b) EXPECT_NEAR(bandWeight(b, kBandHz[static_cast<std::size_t>(b)]), 1, 1e-3);
+}
+
+/// Energy over time in octave bands of a response.
+EnergyHistogram analyseImpulseResponse(std::span<const float> samples, int sampleRate) {
+    constexpr double binsPerSecond = 1000;
+    EnergyHistogram histogram{binsPerSecond, {}};
+    const auto kept = RealFft::kept(RealFft::sizeFor(samples.size() + 4096));
+    const RealFft& fft = *kept;
+    const BandFilters filters(fft.size(), sampleRate, BandFilters::apart());
+    std::vector<float> padded(fft.size()), band(fft.size());
+    std::copy(samples.begin(), samples.end(), padded.begin());
+    RealFft::Spectrum all, filtered(fft.bins());
+    fft.forward(padded, all);
+    histogram.bins.resize(static_cast<std::size_t>(static_cast<double>(samples.size()) * binsPerSecond / sampleRate) +
+                          1);
+    for (std::size_t b = 0; b < kBandCount; ++b) {
+        // The energy of an impulse in this band, so that a flat spectrum reads the same in all of them.
+        double width = 0;
+        for (std::size_t i = 0; i < fft.bins(); ++i) {
+            filtered[i] = all[i] * filters[b][i];
+            const double w = static_cast<double>(filters[b][i]);
+            width += w * w * (i == 0 || i + 1 == fft.bins() ? 1 : 2);
+        }
+        width /= static_cast<double>(fft.size());
+        fft.inverse(filtered, band);
+        for (std::size_t i = 0; i < samples.size(); ++i) {
+            const double pressure = static_cast<double>(band[i]);
+            histogram.bins[static_cast<std::size_t>(static_cast<double>(i) * binsPerSecond / sampleRate)][b] +=
+                pressure * pressure / (4 * M_PI * width);
+        }
+    }
+    return histogram;
 }
 
 TEST(ImpulseResponse, DecayOfEachBandComesBackOut) {

@@ -6,7 +6,8 @@
 #include <gtest/gtest.h>
 
 #include <rtsg/audio/impulse_response.h>
-#include <rtsg/audio/interaural.h>
+
+#include "response/interaural.h"
 
 namespace rtsg {
 namespace {

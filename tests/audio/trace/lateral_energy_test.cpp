@@ -3,10 +3,9 @@
 
 #include <gtest/gtest.h>
 
-#include <rtsg/audio/acoustic_tracer.h>
-
 #include "audio/trace/trace_options.h"
 #include "audio/triangle_geometry.h"
+#include "rays/acoustic_tracer.h"
 
 namespace rtsg {
 namespace {

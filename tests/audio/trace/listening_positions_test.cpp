@@ -8,9 +8,8 @@
 
 #include <gtest/gtest.h>
 
-#include <rtsg/audio/image_sources.h>
-
 #include "audio/triangle_geometry.h"
+#include "images/image_sources.h"
 #include "response/listening_positions.h"
 #include "walled.h"
 

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numbers>
 
-#include <rtsg/audio/acoustic_tracer.h>
+#include "rays/acoustic_tracer.h"
 
 namespace rtsg::test {
 

@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-#include <rtsg/audio/acoustic_tracer.h>
+#include "rays/acoustic_tracer.h"
 
 namespace rtsg::test {
 

@@ -8,10 +8,10 @@
 #include <span>
 #include <vector>
 
-#include <rtsg/audio/acoustic_tracer.h>
 #include <rtsg/audio/impulse_response.h>
-#include <rtsg/audio/world_geometry.h>
 #include "edges/diffraction_wedge.h"
+#include "geometry/world_geometry.h"
+#include "rays/acoustic_tracer.h"
 
 namespace rtsg::test {
 

@@ -8,9 +8,8 @@
 
 #include <gtest/gtest.h>
 
-#include <rtsg/audio/world_geometry.h>
-
 #include "audio/triangle_geometry.h"
+#include "geometry/world_geometry.h"
 #include "walls/few_walls.h"
 
 namespace rtsg {

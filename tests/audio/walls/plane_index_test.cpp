@@ -4,7 +4,7 @@
 
 #include <gtest/gtest.h>
 
-#include <rtsg/audio/plane_index.h>
+#include "walls/plane_index.h"
 
 namespace rtsg {
 namespace {

@@ -7,8 +7,8 @@
 
 #include <gtest/gtest.h>
 
-#include <rtsg/audio/acoustic_tracer.h>
-#include <rtsg/audio/world_geometry.h>
+#include "geometry/world_geometry.h"
+#include "rays/acoustic_tracer.h"
 
 namespace rtsg {
 namespace {

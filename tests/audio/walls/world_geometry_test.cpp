@@ -7,11 +7,10 @@
 
 #include <gtest/gtest.h>
 
-#include <rtsg/audio/acoustic_tracer.h>
-#include <rtsg/audio/image_sources.h>
-#include <rtsg/audio/world_geometry.h>
-
 #include "audio/triangle_geometry.h"
+#include "geometry/world_geometry.h"
+#include "images/image_sources.h"
+#include "rays/acoustic_tracer.h"
 
 namespace rtsg {
 namespace {

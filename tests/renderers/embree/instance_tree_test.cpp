@@ -1,6 +1,5 @@
 // The tree over instances against a loop over all of them.
 #include "trees/instance_tree.h"
-#include "trees/packet_avx512.h"
 
 #include <gtest/gtest.h>
 
@@ -26,24 +25,6 @@ bool meets(const Box& box, const Ray& ray, double slack) {
         far = std::min(far, std::max(a, b));
     }
     return near <= far;
-}
-
-using Visits = std::vector<std::pair<std::uint32_t, std::vector<std::int32_t>>>;
-
-/// The AVX-512 traversal comes to the same boxes with the same lanes in the same order.
-void expectSameWide(const InstanceTree& tree, const RayPacket16& packet) {
-    if (!avx512::isSupported() || tree.empty()) return;
-    Visits narrow, wide;
-    tree.traverse(packet, packet.active, [&](std::uint32_t object, const std::int32_t* lanes) {
-        narrow.emplace_back(object, std::vector<std::int32_t>(lanes, lanes + 16));
-    });
-    avx512::traverse(
-        tree.nodePages(), tree.nodeCount(), packet, packet.active,
-        [](void* self, std::uint32_t object, const std::int32_t* lanes) {
-            static_cast<Visits*>(self)->emplace_back(object, std::vector<std::int32_t>(lanes, lanes + 16));
-        },
-        &wide);
-    EXPECT_EQ(narrow, wide);
 }
 
 void expectComplete(const InstanceTree& tree, const std::map<std::uint32_t, Box>& truth, std::mt19937& random, int rays,
@@ -72,7 +53,6 @@ void expectComplete(const InstanceTree& tree, const std::map<std::uint32_t, Box>
                 EXPECT_TRUE(lanes[i] == 0 || inPacket.emplace(object, i).second) << "twice";
             }
         });
-        expectSameWide(tree, packet);
         for (const std::uint32_t object : visited) {
             ASSERT_TRUE(truth.contains(object));
             EXPECT_TRUE(r % 7 == 0 || meets(truth.at(object), all[0], 1e-5)) << "far from the box";

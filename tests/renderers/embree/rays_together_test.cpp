@@ -5,7 +5,6 @@
 #include <gtest/gtest.h>
 
 #include "renderers/ray_support.h"
-#include "trees/packet_avx512.h"
 
 namespace rtsg {
 namespace {
@@ -91,13 +90,7 @@ TEST(RaysTogether, AreToldByDirectionsAndOriginsOfActiveLanes) {
         rays.set(lane, {Vec3f(.01f * at, 1, 2), 0, 5.0f * Vec3f(1, .02f * at, 0)});  // up to 17 degrees and .15 m
     }
     const float turned = .08435f, apart = .0225f;  // 1 - cos 16.7 and sin 16.7 degrees, squared and added; .15 squared
-    const auto both = [&](float parallel, float nearby) {
-        const bool result = bvh::runTogether(rays, valid, parallel, nearby);
-        if (bvh::avx512::isSupported()) {
-            EXPECT_EQ(bvh::avx512::runTogether(rays, valid, parallel, nearby), result);
-        }
-        return result;
-    };
+    const auto both = [&](float parallel, float nearby) { return bvh::runTogether(rays, valid, parallel, nearby); };
     EXPECT_TRUE(both(1.01f * turned, 1.01f * apart));
     EXPECT_FALSE(both(.99f * turned, 1.01f * apart));
     EXPECT_FALSE(both(1.01f * turned, .99f * apart));
@@ -107,20 +100,6 @@ TEST(RaysTogether, AreToldByDirectionsAndOriginsOfActiveLanes) {
     EXPECT_TRUE(both(.9f * turned, .9f * apart));
     for (std::int32_t& v : valid) v = 0;
     EXPECT_FALSE(both(1, 1));
-}
-
-TEST(RaysTogether, AreToldAlikeAtEveryWidth) {
-    if (!bvh::avx512::isSupported()) GTEST_SKIP() << "no AVX-512 here";
-    TogetherRoom room(false);
-    int together = 0;
-    for (int round = 0; round < 2000; ++round) {
-        const RayPacket16 rays = room.packet(.25f, .25f);
-        const bool result = bvh::runTogether(rays, rays.active, .3f, .6f);
-        ASSERT_EQ(bvh::avx512::runTogether(rays, rays.active, .3f, .6f), result) << round;
-        together += result;
-    }
-    EXPECT_GT(together, 100);
-    EXPECT_LT(together, 1900);
 }
 
 }  // namespace

@@ -3,11 +3,11 @@
 
 #include <gtest/gtest.h>
 
-#include <rtsg/renderers/full_traversal.h>
 #include <rtsg/renderers/shared_world.h>
 
 #include "renderers/ray_support.h"
 #include "renderers/scene_edits.h"
+#include "world/full_traversal.h"
 
 namespace rtsg {
 namespace {

@@ -6,12 +6,12 @@
 #include <random>
 
 #include <rtsg/core/x3d.h>
-#include <rtsg/renderers/full_traversal.h>
 #include <rtsg/renderers/shading.h>
 
 #include "light_scene.h"
 #include "lighting/environment.h"
 #include "support/temp_folder.h"
+#include "world/full_traversal.h"
 
 namespace rtsg {
 namespace {

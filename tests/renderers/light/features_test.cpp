@@ -9,10 +9,10 @@
 #include <gtest/gtest.h>
 
 #include <rtsg/core/field_text.h>
-#include <rtsg/renderers/full_traversal.h>
 #include <rtsg/renderers/picking.h>
 
 #include "light_scene.h"
+#include "world/full_traversal.h"
 
 namespace rtsg {
 namespace {

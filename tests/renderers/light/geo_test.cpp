@@ -3,11 +3,11 @@
 
 #include <rtsg/core/geospatial.h>
 #include <rtsg/core/x3d.h>
-#include <rtsg/renderers/full_traversal.h>
 #include <rtsg/renderers/picking.h>
 #include <rtsg/renderers/tessellate.h>
 
 #include "light_scene.h"
+#include "world/full_traversal.h"
 
 namespace rtsg {
 namespace {

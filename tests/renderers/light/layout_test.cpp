@@ -1,10 +1,10 @@
 // Layouts: rectangles in pictures of several sizes against their closed forms, and that all who ask agree.
 #include <rtsg/core/x3d.h>
-#include <rtsg/renderers/full_traversal.h>
 #include <rtsg/renderers/picking.h>
 #include <rtsg/renderers/world_queries.h>
 
 #include "light_scene.h"
+#include "world/full_traversal.h"
 
 namespace rtsg {
 namespace {

@@ -7,7 +7,6 @@
 #include <gmock/gmock.h>
 
 #include <rtsg/core/x3d.h>
-#include <rtsg/renderers/movie.h>
 #include <rtsg/renderers/picture.h>
 
 #include "renderers/light/light_scene.h"
@@ -16,6 +15,7 @@
 #include "support/taken_memory.h"
 #include "support/temp_folder.h"
 #include "test_paths.h"
+#include "texture/movie.h"
 
 namespace rtsg {
 namespace {

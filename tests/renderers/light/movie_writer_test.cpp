@@ -9,9 +9,9 @@
 #include <gmock/gmock.h>
 
 #include <rtsg/core/resource.h>
-#include <rtsg/renderers/movie.h>
 
 #include "support/temp_folder.h"
+#include "texture/movie.h"
 
 namespace rtsg {
 namespace {

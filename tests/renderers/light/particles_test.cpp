@@ -1,10 +1,10 @@
 // Particle systems in pictures: seen by both integrators, picked, in the full traversal, turned to the eye, at no cost
 // while they rest; and the same picture from a replica, a late joiner and a seek.
 #include <rtsg/core/x3d.h>
-#include <rtsg/renderers/full_traversal.h>
 #include <rtsg/renderers/picking.h>
 
 #include "light_scene.h"
+#include "world/full_traversal.h"
 
 namespace rtsg {
 namespace {

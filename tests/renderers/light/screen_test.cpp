@@ -1,6 +1,5 @@
 // ScreenGroups and text in points: sizes in pixels against closed forms; what follows edits equals what is built anew.
 #include <rtsg/core/x3d.h>
-#include <rtsg/renderers/full_traversal.h>
 #include <rtsg/renderers/tessellate.h>
 
 #include <algorithm>
@@ -8,6 +7,7 @@
 #include <random>
 
 #include "light_scene.h"
+#include "world/full_traversal.h"
 
 namespace rtsg {
 namespace {

@@ -1,11 +1,11 @@
 // Volumes in pictures, against closed forms: emission and absorption, transfer functions, surfaces in front, within and
 // behind, mirrors and shadows; the same after edits as if built anew.
 #include <rtsg/core/x3d.h>
-#include <rtsg/renderers/full_traversal.h>
 #include <rtsg/renderers/picking.h>
 
 #include "light_scene.h"
 #include "volume_scene.h"
+#include "world/full_traversal.h"
 
 namespace rtsg {
 namespace {

@@ -20,6 +20,9 @@
 
 namespace rtsg {
 
+/// The radius of the sphere that represents an unspecified head, metres.
+inline constexpr double kHeadRadius = 0.0875;
+
 class Hrtf {
   public:
     /// Errors: the file cannot be read or is not a SimpleFreeFieldHRIR.

@@ -18,7 +18,6 @@
 
 #include <rtsg/audio/echogram.h>
 #include <rtsg/audio/hrtf.h>
-#include <rtsg/audio/panning.h>
 
 namespace rtsg {
 
@@ -34,7 +33,7 @@ struct ImpulseResponseOptions {
         mono,       // pressure at the listener
         stereo,     // arrivals panned by their direction; sound from ahead has the full pressure in both
         binaural,   // through a head: an HRTF, or a sphere
-        ambisonic,  // see ambisonics.h; the rest comes evenly from all directions
+        ambisonic,  // AmbiX (ACN, SN3D); the rest comes evenly from all directions
     };
     Channels channels = Channels::mono;
     int sampleRate = 48000;
@@ -66,8 +65,5 @@ ImpulseResponse makeImpulseResponse(const Echogram& echogram, const ImpulseRespo
 
 /// Amplitude weight of band `band` at `hz`; the weights of all bands add up to 1 at every frequency.
 double bandWeight(int band, double hz);
-
-/// Energy over time in octave bands of a response (its first channel), as a histogram; for measured responses.
-EnergyHistogram analyseImpulseResponse(std::span<const float> samples, int sampleRate, double binsPerSecond = 1000);
 
 }  // namespace rtsg

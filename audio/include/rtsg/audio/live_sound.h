@@ -15,7 +15,7 @@
 #include <memory>
 #include <string>
 
-#include <rtsg/audio/acoustic_engine.h>
+#include <rtsg/audio/acoustic_renderer.h>
 #include <rtsg/renderers/shared_world.h>
 
 namespace rtsg {

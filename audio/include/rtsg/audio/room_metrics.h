@@ -29,7 +29,7 @@ struct RoomMetrics {
     /// points to the source, divided by all energy until .08 s. This and the next two are NaN unless directions are
     /// known.
     Bands lf = allBands(std::numeric_limits<double>::quiet_NaN());
-    /// Interaural cross-correlation coefficients until .08 s and after it, B.1: see interaural.h.
+    /// Interaural cross-correlation coefficients until .08 s and after it, B.1: see response/interaural.h.
     Bands iaccEarly = lf, iaccLate = lf;
 };
 

@@ -17,8 +17,7 @@
 
 #include <glm/glm.hpp>
 
-#include <rtsg/audio/acoustic_box.h>
-#include <rtsg/audio/bands.h>
+#include <rtsg/audio/acoustic_geometry.h>
 #include <rtsg/core/value.h>
 
 namespace rtsg {
@@ -39,6 +38,16 @@ struct WallShape {
 };
 /// Precondition: the slot of an instance with a mesh.
 WallShape wallShapeOf(const RayView& rays, std::uint32_t slot);
+
+/// The reason why nothing is heard: shapes that separate a source from a listener.
+struct Seal {
+    bool sourceInside = true;  // otherwise the listener is inside, and the source is not
+    /// Whether each of `shapes` is closed and has exactly one of the two inside. Otherwise some thousand scattered rays
+    /// found no path.
+    bool proven = false;
+    std::vector<WallShape> shapes;  // around the inner one: the smallest first, or the three that were hit most
+    std::size_t more = 0;           // number of other shapes that were hit
+};
 
 struct RoomOpenings {
     /// The share of the emitted energy that escaped, mean over bands.

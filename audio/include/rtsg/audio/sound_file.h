@@ -6,6 +6,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -38,15 +39,22 @@ Result<> checkSound(const Resource& file);
 /// The length in seconds according to the header, which may be wrong. Only for truncated Ogg streams is the sound
 /// itself read.
 Result<double> soundSeconds(const Resource& file);
+/// How long a sound or a film plays, for BuildOptions::mediaLength: seconds, from the file's header if possible. A
+/// sound in a film container without pictures is decoded for it, up to `maximumSamples`. Nothing: the file is neither a
+/// sound nor a film, or cannot be read.
+std::optional<double> mediaSeconds(const Resource& file, std::uint64_t maximumSamples);
 
 /// Whether a sound can be written under this name. Fails, and lists the possible formats, unless the name ends in .wav.
 Result<> checkSoundName(const std::string& path);
 
 enum class WavFormat : std::uint8_t { pcm16, pcm24, float32 };
 Result<> writeWav(const std::string& path, const SoundBuffer& sound, WavFormat format = WavFormat::pcm24);
+/// The same with a comment: a text beside the samples, such as what the sound was made of (RIFF, LIST INFO, ICMT).
+Result<> writeWavWithComment(const std::string& path, const SoundBuffer& sound, WavFormat format,
+                             const std::string& comment);
+/// Empty if the file has none. Error: it cannot be read.
+Result<std::string> readSoundComment(const std::string& path);
 
-/// The mean of all channels.
-SoundBuffer mixToMono(const SoundBuffer& sound);
 /// Converts to the same or a larger number of channels: mono goes to all of them, other channels keep their numbers
 /// (ISO/IEC 19775-1 V4.0, 16.2).
 SoundBuffer spread(const SoundBuffer& sound, int channels);

@@ -26,9 +26,7 @@
 #include <vector>
 
 #include <rtsg/audio/listen.h>
-#include <rtsg/audio/room_map.h>
 #include <rtsg/audio/room_report.h>
-#include <rtsg/audio/room_responses.h>
 #include <rtsg/renderers/world_renderer.h>
 
 namespace rtsg {
@@ -78,7 +76,8 @@ class SoundRenderer final : public WorldRenderer {
     /// only.
     ListenReport finish();
 
-    /// The geometry for sound from `source` in the present state.
+    /// The geometry for sound from `source` in the present state; for the library's own tests
+    /// (geometry/world_geometry.h).
     OpenedGeometry room(const glm::dvec3& source);
     /// Precondition: attached().
     const AcousticRenderer& renderer() const;

@@ -23,7 +23,7 @@
 
 #include <rtsg/audio/acoustic_geometry.h>
 #include <rtsg/audio/audio_processing.h>
-#include <rtsg/audio/panning.h>
+#include <rtsg/audio/hrtf.h>
 #include <rtsg/core/resource.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/renderers/flattener.h>

@@ -11,7 +11,6 @@
 
 #include <rtsg/audio/acoustic_geometry.h>
 #include <rtsg/audio/echogram.h>
-#include <rtsg/audio/image_sources.h>
 #include <rtsg/audio/room_metrics.h>
 #include <rtsg/audio/room_openings.h>
 

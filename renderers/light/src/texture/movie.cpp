@@ -1,5 +1,5 @@
 // Chooses the pictures of films that MovieTextures show.
-#include <rtsg/renderers/movie.h>
+#include "movie.h"
 
 #include <algorithm>
 #include <cmath>

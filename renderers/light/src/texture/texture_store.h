@@ -16,9 +16,10 @@
 #include <rtsg/core/resource.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/renderers/material.h>
-#include <rtsg/renderers/movie.h>
 #include <rtsg/renderers/space_texture.h>
 #include <rtsg/renderers/texture.h>
+
+#include "movie.h"
 
 namespace rtsg {
 

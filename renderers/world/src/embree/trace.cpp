@@ -6,7 +6,6 @@
 
 #include "passed_hits.h"
 #include "top.h"
-#include "trees/packet_avx512.h"
 #include "trees/rays_together.h"
 
 namespace rtsg::bvh {
@@ -182,21 +181,14 @@ static_assert(offsetof(RayPacket16, prim_) == offsetof(RTCRayHit16, hit.primID))
 static_assert(offsetof(RayPacket16, inst_) == offsetof(RTCRayHit16, hit.instID));
 static_assert(sizeof(RTCRayHit16) <= offsetof(RayPacket16, active));
 
-/// AVX-512 where the machine has it.
-const bool kWide = avx512::isSupported();
-
 /// The rays of a packet in an object's frame; in their own again when this ends.
 class Entered {
   public:
     Entered(RayPacket16& rays, const glm::mat3& m, const Vec3f& translation) : rays_(rays) {
-        if (kWide) {
-            avx512::enter(rays, &m[0].x, &translation.x, saved_);
-            return;
-        }
         for (int at = 0; at < 16; at += 8) {
             const auto take = [&](int k, const float* from) {
                 const simd::F8 v = simd::load(from + at);
-                simd::store(saved_.values[k] + at, v);
+                simd::store(saved_[k] + at, v);
                 return v;
             };
             const simd::F8 x = take(0, rays.originX), y = take(1, rays.originY), z = take(2, rays.originZ);
@@ -211,34 +203,20 @@ class Entered {
         }
     }
     ~Entered() {
-        if (kWide) {
-            avx512::leave(rays_, saved_);
-            return;
-        }
         float* const targets[] = {rays_.originX,    rays_.originY,    rays_.originZ,
                                   rays_.directionX, rays_.directionY, rays_.directionZ};
-        for (int k = 0; k < 6; ++k) std::memcpy(targets[k], saved_.values[k], sizeof saved_.values[k]);
+        for (int k = 0; k < 6; ++k) std::memcpy(targets[k], saved_[k], sizeof saved_[k]);
     }
     Entered(const Entered&) = delete;
     Entered& operator=(const Entered&) = delete;
 
   private:
     RayPacket16& rays_;
-    avx512::SavedRays saved_;
+    alignas(64) float saved_[6][16];
 };
-
-template <class Leaf>
-void traverse(const TreeView& tree, const RayPacket16& rays, const std::int32_t* valid, Leaf leaf) {
-    if (!kWide) return tree.traverse(rays, valid, leaf);
-    avx512::traverse(
-        tree.nodePages(), tree.nodeCount(), rays, valid,
-        [](void* self, std::uint32_t object, const std::int32_t* lanes) { (*static_cast<Leaf*>(self))(object, lanes); },
-        &leaf);
-}
 
 /// Fills in the members of a packet that the caller leaves to us.
 inline void complete(RayPacket16& rays, std::uint32_t mask) {
-    if (kWide) return avx512::complete(rays, mask);
     for (int i = 0; i < 16; ++i) {
         rays.time_[i] = 0;
         rays.mask_[i] = mask;
@@ -261,7 +239,7 @@ bool mayRunTogether(RayKind kind) {
 }  // namespace
 
 bool TopView::runTogether(const RayPacket16& rays, const std::int32_t* valid) const {
-    return (kWide ? avx512::runTogether : bvh::runTogether)(rays, valid, kParallel, nearby_);
+    return bvh::runTogether(rays, valid, kParallel, nearby_);
 }
 
 void TopView::setSize(const InstanceTree::Box& box) {
@@ -280,7 +258,7 @@ std::uint32_t TopView::intersect(RayPacket16& rays, const std::int32_t* valid, b
     if (hider) cast.ask(passHits, &passing);
     if (main_ && !isMet) cast.intersect(valid, main_->scene, packet);
     if (!tree_.empty()) {
-        traverse(tree_, rays, valid, [&](std::uint32_t index, const std::int32_t* lanes) {
+        tree_.traverse(rays, valid, [&](std::uint32_t index, const std::int32_t* lanes) {
             const TopObject& o = object(index);
             cast.setInstance(index);
             if (o.resting) {
@@ -297,10 +275,7 @@ std::uint32_t TopView::intersect(RayPacket16& rays, const std::int32_t* valid, b
 
 std::uint32_t TopView::metBy(RayPacket16& rays) const {
     std::uint32_t hits = 0;
-    if (kWide)
-        hits = avx512::findHits(rays);
-    else
-        for (int i = 0; i < 16; ++i) hits |= static_cast<std::uint32_t>(rays.geom_[i] != RTC_INVALID_GEOMETRY_ID) << i;
+    for (int i = 0; i < 16; ++i) hits |= static_cast<std::uint32_t>(rays.geom_[i] != RTC_INVALID_GEOMETRY_ID) << i;
     if (hasCuts_) restore(rays, hits);
     return hits;
 }
@@ -317,7 +292,7 @@ std::uint32_t TopView::occluded(RayPacket16& rays, const std::int32_t* valid, bo
     if (main_) cast.occluded(valid, main_->scene, packet);
     if (!tree_.empty()) {
         // A blocked lane's segment ends before it begins, so that it meets no further box.
-        traverse(tree_, rays, valid, [&](std::uint32_t index, const std::int32_t* lanes) {
+        tree_.traverse(rays, valid, [&](std::uint32_t index, const std::int32_t* lanes) {
             const TopObject& o = object(index);
             cast.setInstance(index);
             if (o.resting) {

@@ -43,7 +43,7 @@ class TreeView {
         friend bool operator==(const Box&, const Box&) = default;
     };
 
-    // For the other traversal (packet_avx512.h):
+    // For traversals elsewhere:
     static constexpr std::uint32_t kLeaf = 0x80000000, kRoot = 0, kPageBits = 4, kPerPage = 1 << kPageBits;
     static constexpr std::size_t kMaxLevels = 28, kStack = kMaxLevels * 7 + 8;
     struct alignas(32) Node {

@@ -1,5 +1,5 @@
 // Visits the whole scene every frame and hands the differences to a RayWorld of its own.
-#include <rtsg/renderers/full_traversal.h>
+#include "full_traversal.h"
 
 #include <algorithm>
 #include <chrono>

@@ -10,7 +10,6 @@
 #include "mesh/simd8.h"
 #include "ray_boxes.h"
 #include "ray_view_impl.h"
-#include "trees/packet_avx512.h"
 
 namespace rtsg {
 
@@ -28,13 +27,8 @@ inline bool acceptable(float ox, float oy, float oz, float tMin, float dx, float
            (tMin >= 0) & (tMin < HUGE_VALF) & (tMax >= 0);
 }
 
-/// AVX-512 where the machine has it.
-const bool kWideHits = bvh::avx512::isSupported();
-
 /// Lanes that must not be traced are inactive in `valid`. Returns the number of bad rays.
 inline int findValid(const RayPacket16& rays, std::int32_t* valid) {
-    if (kWideHits)
-        return std::popcount(bvh::avx512::findValid(rays, {RayView::kMaxCoordinate, kShortest, kLongest}, valid));
     int bad = 0;
     for (int i = 0; i < 16; ++i) {
         const bool ok = acceptable(rays.originX[i], rays.originY[i], rays.originZ[i], rays.tMin[i], rays.directionX[i],
@@ -120,7 +114,6 @@ void flipNormals(const RayPacket16& rays, const bvh::TopObject& object, const Ra
 
 /// Normals of length 1.
 void makeUnit(PacketHits16& out) {
-    if (kWideHits) return bvh::avx512::makeUnit(out);
     using namespace simd;
     for (int at = 0; at < 16; at += 8) {
         F8 x = load(out.normalX + at), y = load(out.normalY + at), z = load(out.normalZ + at);
@@ -141,7 +134,6 @@ void makeUnit(PacketHits16& out) {
 
 /// Everything but instances, and normals as they are.
 void copyHits(const RayPacket16& rays, PacketHits16& out) {
-    if (kWideHits) return bvh::avx512::copyHits(rays, out);
     std::memcpy(out.normalX, rays.normalX_, 3 * sizeof out.normalX);  // three arrays in a row, in both
     std::memcpy(out.u, rays.u_, 2 * sizeof out.u);
     std::memcpy(out.triangle, rays.prim_, sizeof out.triangle);

@@ -14,8 +14,9 @@
 #include <memory>
 
 #include <rtsg/audio/sound_scene.h>
-#include <rtsg/audio/walls.h>
 #include <rtsg/renderers/flattener.h>
+
+#include "walls/walls.h"
 
 namespace rtsg {
 

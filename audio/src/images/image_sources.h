@@ -22,10 +22,6 @@
 
 namespace rtsg {
 
-/// The directivity of a source: the energy that it sends in a unit direction of the world, relative to a source that
-/// radiates alike in all directions. Empty: 1 everywhere.
-using SourcePattern = std::function<double(const glm::dvec3& direction)>;
-
 struct ImageSourceOptions {
     int maxOrder = 3;
     /// Paths longer than this are left out; metres.

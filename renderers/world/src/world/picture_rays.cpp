@@ -1,9 +1,12 @@
-// LargeRays: hits on the large triangles of a view, if no lines, points or filters are involved.
+// What a picture's rays are asked before the trees: the hits of its pixels, and the few large triangles.
 #include "large_rays.h"
-
+#include "primary_rays.h"
 #include "ray_view_impl.h"
 
 namespace rtsg {
+
+PrimaryRays::PrimaryRays(const RayView& view, const bvh::PixelGrid& grid, RayKind kind, int samples)
+    : view_(view), kind_(kind), hits_(view.tables_->top.primaryHits(grid, view.meant(kind), samples)) {}
 
 LargeRays::LargeRays(const RayView& view, const Visitor& report, RayKind kind) {
     const RayKind meant = view.meant(kind);

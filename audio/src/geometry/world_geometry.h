@@ -16,27 +16,17 @@
 #include <span>
 #include <vector>
 
-#include <rtsg/audio/acoustic_box.h>
 #include <rtsg/audio/acoustic_geometry.h>
 #include <rtsg/audio/room_openings.h>
-#include <rtsg/audio/walls.h>
 #include <rtsg/renderers/ray_view.h>
+
+#include "walls/walls.h"
 
 namespace rtsg {
 
 class EdgeTable;
 class FewWalls;
 class WallPlanes;
-
-/// The reason why nothing is heard: shapes that separate a source from a listener.
-struct Seal {
-    bool sourceInside = true;  // otherwise the listener is inside, and the source is not
-    /// Whether each of `shapes` is closed and has exactly one of the two inside. Otherwise some thousand scattered rays
-    /// found no path.
-    bool proven = false;
-    std::vector<WallShape> shapes;  // around the inner one: the smallest first, or the three that were hit most
-    std::size_t more = 0;           // number of other shapes that were hit
-};
 
 class WorldGeometry final : public AcousticGeometry {
   public:

@@ -14,9 +14,6 @@
 
 namespace rtsg {
 
-/// The radius of the sphere that represents an unspecified head, metres.
-inline constexpr double kHeadRadius = 0.0875;
-
 /// Amplitudes of left and right for a unit direction in the listener's frame (x right, y up, z back).
 inline std::array<double, 2> stereoGains(const glm::dvec3& direction) {
     const double right = 0.9 * std::clamp(direction.x, -1.0, 1.0);
