@@ -5,9 +5,9 @@
 #include <cstdlib>
 #include <stdexcept>
 
+#include <rtsg/documents/filter.h>
 #include <rtsg/plugins/plugin.h>
 #ifdef ODD_READER
-#include <rtsg/documents/filter.h>
 #include <rtsg/renderers/light_renderer.h>
 #endif
 
