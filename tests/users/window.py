@@ -30,13 +30,13 @@ ROUTE OI.value_changed TO T.rotation
 
 @contextlib.contextmanager
 def display():
-    """An X server of its own, whose number is free."""
+    """An X server of its own, whose number is free. It does not begin anew when its last client goes: who came meanwhile was refused."""
     for tool in ("Xvfb", "xdotool"):
         if not shutil.which(tool):
             raise Skipped(f"{tool} is not installed")
     reader, writer = os.pipe()
     frames = tempfile.mkdtemp(prefix="rtsg-screen-")
-    server = subprocess.Popen(["Xvfb", "-displayfd", str(writer), "-screen", "0", "800x600x24", "-nolisten", "tcp", "-fbdir", frames],
+    server = subprocess.Popen(["Xvfb", "-noreset", "-displayfd", str(writer), "-screen", "0", "800x600x24", "-nolisten", "tcp", "-fbdir", frames],
                               pass_fds=[writer], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     os.close(writer)
     try:

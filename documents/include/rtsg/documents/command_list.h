@@ -36,8 +36,29 @@ class CommandList final : public DocumentHandler {
     /// The type of the first node at the outermost level, outside of PROTO declarations; empty if there is none.
     std::string_view firstNodeType() const;
 
-    RTSG_OVERRIDE_COMMANDS
-    RTSG_OVERRIDE_REMARKS
+    void beginDocument(const DocumentHeader& header) override;
+    void endDocument() override;
+    void component(std::string_view name, int level, SourceLocation where) override;
+    void meta(std::string_view name, std::string_view content, SourceLocation where) override;
+    void unit(std::string_view category, std::string_view name, double conversionFactor, SourceLocation where) override;
+    void beginNode(std::string_view type, std::string_view def, std::string_view field, SourceLocation where) override;
+    void endNode(SourceLocation where) override;
+    void useNode(std::string_view def, std::string_view field, SourceLocation where) override;
+    void setField(std::string_view name, Value value, SourceLocation where) override;
+    void declareField(const FieldDeclaration& field, std::optional<Value> value, SourceLocation where) override;
+    void isConnection(std::string_view nodeField, std::string_view protoField, SourceLocation where) override;
+    void beginProto(std::string_view name, SourceLocation where) override;
+    void beginProtoBody(SourceLocation where) override;
+    void endProto(SourceLocation where) override;
+    void externProto(std::string_view name, const std::vector<FieldDeclaration>& fields,
+                     const std::vector<std::string>& url, SourceLocation where) override;
+    void route(std::string_view fromNode, std::string_view fromField, std::string_view toNode, std::string_view toField,
+               SourceLocation where) override;
+    void importNode(std::string_view inlineDef, std::string_view exportedName, std::string_view localName,
+                    SourceLocation where) override;
+    void exportNode(std::string_view localName, std::string_view exportedName, SourceLocation where) override;
+    void comment(std::string_view text, SourceLocation where) override;
+    void documentation(const Documentation& about, SourceLocation where) override;
 
   private:
     enum class Kind : std::uint8_t {

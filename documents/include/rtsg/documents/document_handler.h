@@ -118,36 +118,6 @@ inline bool DocumentHandler::isFull() const {
     return false;
 }
 
-/// Declares the functions of all commands, for handlers that override them all; remarks have a macro of their own.
-#define RTSG_OVERRIDE_COMMANDS                                                                                         \
-    void beginDocument(const ::rtsg::DocumentHeader& header) override;                                                 \
-    void endDocument() override;                                                                                       \
-    void component(std::string_view name, int level, ::rtsg::SourceLocation where) override;                           \
-    void meta(std::string_view name, std::string_view content, ::rtsg::SourceLocation where) override;                 \
-    void unit(std::string_view category, std::string_view name, double conversionFactor, ::rtsg::SourceLocation where) \
-        override;                                                                                                      \
-    void beginNode(std::string_view type, std::string_view def, std::string_view field, ::rtsg::SourceLocation where)  \
-        override;                                                                                                      \
-    void endNode(::rtsg::SourceLocation where) override;                                                               \
-    void useNode(std::string_view def, std::string_view field, ::rtsg::SourceLocation where) override;                 \
-    void setField(std::string_view name, ::rtsg::Value value, ::rtsg::SourceLocation where) override;                  \
-    void declareField(const ::rtsg::FieldDeclaration& field, std::optional<::rtsg::Value> value,                       \
-                      ::rtsg::SourceLocation where) override;                                                          \
-    void isConnection(std::string_view nodeField, std::string_view protoField, ::rtsg::SourceLocation where) override; \
-    void beginProto(std::string_view name, ::rtsg::SourceLocation where) override;                                     \
-    void beginProtoBody(::rtsg::SourceLocation where) override;                                                        \
-    void endProto(::rtsg::SourceLocation where) override;                                                              \
-    void externProto(std::string_view name, const std::vector<::rtsg::FieldDeclaration>& fields,                       \
-                     const std::vector<std::string>& url, ::rtsg::SourceLocation where) override;                      \
-    void route(std::string_view fromNode, std::string_view fromField, std::string_view toNode,                         \
-               std::string_view toField, ::rtsg::SourceLocation where) override;                                       \
-    void importNode(std::string_view inlineDef, std::string_view exportedName, std::string_view localName,             \
-                    ::rtsg::SourceLocation where) override;                                                            \
-    void exportNode(std::string_view localName, std::string_view exportedName, ::rtsg::SourceLocation where) override;
-#define RTSG_OVERRIDE_REMARKS                                                   \
-    void comment(std::string_view text, ::rtsg::SourceLocation where) override; \
-    void documentation(const ::rtsg::Documentation& about, ::rtsg::SourceLocation where) override;
-
 /// The components and profiles that this build knows: a component with the highest level of any node in it, a profile
 /// with its components. Source: ISO/IEC 19775-1 V4.0, annexes A to H.
 struct Profile {
